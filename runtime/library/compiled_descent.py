@@ -321,7 +321,7 @@ class CompiledConvex(Jobs):
             self._run(threads)
         return [
             ConvexAnswer(
-                points[: _reached(job), : start.size - _spare(job)].copy(),
+                points[: _reached(job), : start.size - job.width + N_PARAMETERS * job.links].copy(),
                 losses[: _reached(job)].copy(),
                 decrements[: _reached(job)].copy(),
                 steps[: _reached(job)].astype(np.int64),
@@ -355,7 +355,3 @@ class CompiledConvex(Jobs):
 def _reached(job: _ConvexJob) -> int:
     """γs that were tried: the converged ones and the first that was not."""
     return int(min(job.converged + 1, job.gammas))
-
-
-def _spare(job: _ConvexJob) -> int:
-    return int(job.width - N_PARAMETERS * job.links)

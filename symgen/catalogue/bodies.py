@@ -17,19 +17,16 @@ def body_kernels() -> tuple[Kernel, ...]:
     pi, lam, frame, floor, slope, theta = (
         a.symbol() for a in (pi_, lam_, frame_, floor_, slope_, theta_)
     )
+    of_lam, of_theta = inertia.pi_from_lam(lam), inertia.pi_from_cholesky(theta)
     pivot, log_det, traces, curvature = inertia.barrier(pi)
     return (
-        make_kernel(
-            "pi_from_lam", {lam_: lam}, {pi_: inertia.pi_from_lam(lam)}, "Eqs. 4.25-4.31", "link"
-        ),
+        make_kernel("pi_from_lam", {lam_: lam}, {pi_: of_lam}, "Eqs. 4.25-4.31", "link"),
         make_kernel(
             "pi_jacobian",
             {lam_: lam},
             {
-                pi_: inertia.pi_from_lam(lam),
-                Argument("jacobian", (P, P), "d pi / d lam"): ca.jacobian(
-                    inertia.pi_from_lam(lam), lam
-                ),
+                pi_: of_lam,
+                Argument("jacobian", (P, P), "d pi / d lam"): ca.jacobian(of_lam, lam),
             },
             "pi and d pi / d lam of one link",
             "link",
@@ -37,7 +34,7 @@ def body_kernels() -> tuple[Kernel, ...]:
         make_kernel(
             "pi_frame",
             {lam_: lam},
-            {pi_: inertia.pi_from_lam(lam), frame_: inertia.lam_frame(lam)},
+            {pi_: of_lam, frame_: inertia.lam_frame(lam)},
             "pi of one link, and its m, R, B, C for pi_adjoint",
             "link",
         ),
@@ -52,10 +49,8 @@ def body_kernels() -> tuple[Kernel, ...]:
             "cholesky_jacobian",
             {theta_: theta},
             {
-                pi_: inertia.pi_from_cholesky(theta),
-                Argument("jacobian", (P, P), "d pi / d theta"): ca.jacobian(
-                    inertia.pi_from_cholesky(theta), theta
-                ),
+                pi_: of_theta,
+                Argument("jacobian", (P, P), "d pi / d theta"): ca.jacobian(of_theta, theta),
             },
             "pi and d pi / d theta of one link, P = U(theta) U(theta)'",
             "link",

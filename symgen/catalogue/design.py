@@ -7,11 +7,11 @@ double the build time.
 """
 
 from collections.abc import Container
-from typing import Any
+from itertools import islice
 
 import casadi as ca
 
-from symgen.catalogue.motion import STATE, effort_unit, state_unit
+from symgen.catalogue.motion import STATE, effort_unit, motion_of, state_unit
 from symgen.chain import Chain
 from symgen.collision import CollisionModel
 from symgen.collision.distance import clearance, moving, plane_clearance
@@ -30,17 +30,10 @@ def safety_kernels(
     return (*torques, _tip(chain), *_distances(chain, collision))
 
 
-def _motion(chain: Chain, count: int) -> tuple[list[Argument], list[Any]]:
-    n = len(chain.coordinates)
-    arguments = [Argument(STATE[k], (n,), state_unit(chain, k)) for k in range(count)]
-    return arguments, [a.symbol() for a in arguments]
-
-
 def torque_derivatives(chain: Chain) -> Kernel:
     """Return the kernel of ∂τ/∂q, ∂τ/∂dq and ∂τ/∂ddq, of a free base by its coordinates."""
-    n, links = chain.freedom, len(chain.joints)
-    arguments = [Argument(STATE[k], (n,), state_unit(chain, k)) for k in range(3)]
-    q, dq, ddq = symbols = [a.symbol() for a in arguments]
+    n, links, motion = chain.freedom, len(chain.joints), motion_of(chain, 3)
+    q, dq, ddq = motion.values()
     pi_ = Argument("pi", (N_PARAMETERS * links,), "SI", shared=True)
     pi = pi_.symbol()
     tau = dynamics.inverse_dynamics(chain, q, dq, ddq, regrouped(chain, pi))
@@ -51,7 +44,7 @@ def torque_derivatives(chain: Chain) -> Kernel:
     }
     return make_kernel(
         "torque_derivatives",
-        dict(zip(arguments, symbols, strict=True)) | {pi_: pi},
+        motion | {pi_: pi},
         {Argument("tau", (n,), effort_unit(chain)): tau, **slopes},
         "tau of Eq. 4.3 and its derivatives by q, dq and ddq, the last one M(q)",
         rare=True,
@@ -60,17 +53,17 @@ def torque_derivatives(chain: Chain) -> Kernel:
 
 def _torques(chain: Chain) -> tuple[Kernel, ...]:
     n, links, effort = len(chain.coordinates), len(chain.joints), effort_unit(chain)
-    arguments, symbols = _motion(chain, 5)
-    q, dq, ddq, dddq, _ = symbols
+    motion = motion_of(chain, 5)
+    q, dq, ddq, dddq, _ = symbols = list(motion.values())
     pi_ = Argument("pi", (N_PARAMETERS * links,), "SI", shared=True)
     pi = pi_.symbol()
-    with_dddq = dict(zip(arguments[:4], symbols[:4], strict=True)) | {pi_: pi}
-    with_ddddq = dict(zip(arguments, symbols, strict=True)) | {pi_: pi}
+    with_dddq = dict(islice(motion.items(), 4)) | {pi_: pi}
     tau = dynamics.inverse_dynamics(chain, q, dq, ddq, regrouped(chain, pi))
     rate = ca.jtimes(tau, ca.vertcat(q, dq, ddq), ca.vertcat(dq, ddq, dddq))
     second = ca.jtimes(rate, ca.vertcat(*symbols[:4]), ca.vertcat(*symbols[1:]))
     seed_ = Argument("seed", (n,), "d cost / d tau_rate")
     seed = seed_.symbol()
+    gradient = ca.reshape(ca.jtimes(rate, ca.vertcat(*symbols[:4]), seed, True), n, 4).T
     return (
         torque_derivatives(chain),
         make_kernel(
@@ -83,18 +76,14 @@ def _torques(chain: Chain) -> tuple[Kernel, ...]:
         make_kernel(
             "torque_rate_adjoint",
             with_dddq | {seed_: seed},
-            {
-                Argument("gradient", (4, n), "d cost / d (q, dq, ddq, dddq)"): ca.reshape(
-                    ca.jtimes(rate, ca.vertcat(*symbols[:4]), seed, True), n, 4
-                ).T
-            },
+            {Argument("gradient", (4, n), "d cost / d (q, dq, ddq, dddq)"): gradient},
             "d (seed . d tau / d t) / d (q, dq, ddq, dddq)",
             rare=True,
             unhurried=True,
         ),
         make_kernel(
             "torque_course",
-            with_ddddq,
+            motion | {pi_: pi},
             {
                 Argument("tau", (n,), effort): tau,
                 Argument("dtau", (n,), f"({effort})/s"): rate,
@@ -108,13 +97,13 @@ def _torques(chain: Chain) -> tuple[Kernel, ...]:
 
 
 def _tip(chain: Chain) -> Kernel:
-    n = len(chain.coordinates)
-    arguments, (q, dq) = _motion(chain, 2)
+    n, motion = len(chain.coordinates), motion_of(chain, 2)
+    q, dq = motion.values()
     p = kinematics.end_effector(chain, q)[:3, 3]
     v = ca.jtimes(p, q, dq)
     return make_kernel(
         "tip_motion",
-        dict(zip(arguments, (q, dq), strict=True)),
+        motion,
         {
             Argument("p", (3,), "m"): p,
             Argument("v", (3,), "m/s"): v,
@@ -127,37 +116,32 @@ def _tip(chain: Chain) -> Kernel:
 
 
 def _distances(chain: Chain, collision: CollisionModel) -> tuple[Kernel, ...]:
-    n = len(chain.coordinates)
-    (q_,), (q,) = _motion(chain, 1)
-    plane_ = Argument("plane", (4,), "1|m", shared=True)
-    plane = plane_.symbol()
+    motion, plane_ = motion_of(chain, 1), Argument("plane", (4,), "1|m", shared=True)
+    (q,), plane = motion.values(), plane_.symbol()
+
+    def outputs(distance: Matrix, jacobian: Matrix) -> dict[Argument, Matrix]:
+        return {
+            Argument("distance", (jacobian.shape[0],), "m"): distance,
+            Argument("jacobian", jacobian.shape, "d distance / d q"): jacobian,
+        }
+
     kernels = []
     if collision.pairs:
-        distance, jacobian = clearance(chain, collision, q)
-        count = len(collision.pairs)
         kernels.append(
             make_kernel(
                 "clearance",
-                {q_: q},
-                {
-                    Argument("distance", (count,), "m"): distance,
-                    Argument("jacobian", (count, n), "d distance / d q"): jacobian,
-                },
+                motion,
+                outputs(*clearance(chain, collision, q)),
                 "distance of the capsules of each pair, negative where they overlap",
                 unhurried=True,  # loops call its tiles
             )
         )
     if moving(chain, collision):
-        distance, jacobian = plane_clearance(chain, collision, q, plane)
-        count = len(moving(chain, collision))
         kernels.append(
             make_kernel(
                 "plane_clearance",
-                {q_: q, plane_: plane},
-                {
-                    Argument("distance", (count,), "m"): distance,
-                    Argument("jacobian", (count, n), "d distance / d q"): jacobian,
-                },
+                motion | {plane_: plane},
+                outputs(*plane_clearance(chain, collision, q, plane)),
                 "least n.x - d over each moving capsule, plane = (n, d) with a unit normal n",
                 rare=True,
             )
@@ -173,16 +157,13 @@ def proof_kernels(chain: Chain) -> tuple[Kernel, ...]:
     pi_ = Argument("pi", (N_PARAMETERS * links,), "SI", shared=True)
     pi = pi_.symbol()
     (six_, six), (four_, four), (two_, two) = (_interval(chain, k) for k in (6, 4, 2))
+    torque = bounds.torque_bounds(chain, six[1], pi)
     speed, turn = bounds.speed_bounds(chain, two[1])
     return (
         make_kernel(
             "torque_bounds",
             {six_: six[0], pi_: pi},
-            {
-                Argument("tau_sup", (4, n), f"({effort}, /s, /s^2, /s^3)"): bounds.torque_bounds(
-                    chain, six[1], pi
-                )
-            },
+            {Argument("tau_sup", (4, n), f"({effort}, /s, /s^2, /s^3)"): torque},
             "sup |tau| and of its derivatives in time, from q_sup[k] = sup |d^k q / dt^k|",
             rare=True,
         ),
@@ -220,16 +201,9 @@ def trajectory_kernels(
 ) -> tuple[Kernel, ...]:
     """Return the kernels that the design of a motion needs beside those of its limits."""
     n, b = len(chain.coordinates), len(base.columns)
-    m_, t_, tf_ = (
-        Argument("m", (1,), "1"),
-        Argument("t", (1,), "s"),
-        Argument("t_f", (1,), "s", shared=True),
-    )
+    m_, t_ = Argument("m", (1,), "1"), Argument("t", (1,), "s")
+    tf_ = Argument("t_f", (1,), "s", shared=True)
     m, t, tf = m_.symbol(), t_.symbol(), tf_.symbol()
-    motion = {
-        Argument(STATE[k], (n,), state_unit(chain, k)): ca.SX.sym(STATE[k], n) for k in range(3)
-    }
-    q, dq, ddq = motion.values()
     seed_ = Argument("seed", (n, b), "d cost / d Y_b")
     seed = seed_.symbol()
     bases = (
@@ -252,16 +226,15 @@ def trajectory_kernels(
     )
     if "regressor_adjoint" in omitted:
         return bases
+    motion = motion_of(chain, 3)
+    q, dq, ddq = motion.values()
+    gradient = excitation.regressor_adjoint(chain, q, dq, ddq, base.columns, seed)
     return (
         *bases,
         make_kernel(
             "regressor_adjoint",
             motion | {seed_: seed},
-            {
-                Argument("gradient", (3, n), "d cost / d (q, dq, ddq)"): (
-                    excitation.regressor_adjoint(chain, q, dq, ddq, base.columns, seed)
-                )
-            },
+            {Argument("gradient", (3, n), "d cost / d (q, dq, ddq)"): gradient},
             "d <seed, Y_b> / d (q, dq, ddq), the adjoint of Eq. 3.29",
             unhurried=True,  # loops call its tiles
         ),

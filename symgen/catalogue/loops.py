@@ -2,7 +2,7 @@
 
 import casadi as ca
 
-from symgen.catalogue.motion import STATE, state_unit
+from symgen.catalogue.motion import motion_of, state_unit
 from symgen.chain import Chain
 from symgen.kernel import Argument, Kernel, Matrix, make_kernel, with_further
 from symgen.mechanics import closure, kinematics, loop_equations
@@ -13,10 +13,8 @@ def loop_kernels(chain: Chain) -> tuple[Kernel, ...]:
     """Return the kernels that lead from the independent joints to all."""
     if chain.loops is None:
         return ()
-    n, count = len(chain.coordinates), len(chain.joints)
-    arguments = [Argument(STATE[k], (n,), state_unit(chain, k)) for k in range(3)]
-    symbols = [a.symbol() for a in arguments]
-    q, dq, ddq = symbols
+    n, count, motion = len(chain.coordinates), len(chain.joints), motion_of(chain, 3)
+    (q_, *_), (q, dq, ddq) = motion, motion.values()
     last_ = Argument("last", (count,), state_unit(chain, 0))
     last = last_.symbol()
     _, margin = loop_equations.seed_values(closed_chain(chain), q)
@@ -24,30 +22,28 @@ def loop_kernels(chain: Chain) -> tuple[Kernel, ...]:
         closed_chain(chain), q, _dependent(chain, last)
     )
     everything = kinematics.all_positions(chain, q)
+    rates = kinematics.all_rates(chain, q, dq)
+    accelerations = kinematics.all_accelerations(chain, q, dq, ddq)
+    jacobian = ca.densify(kinematics.joint_jacobian(chain, q))
+    continued = closure.with_seeds(chain, everything, after)
     blocks = len(chain.loops.blocks)
     return (
         make_kernel(
             "all_joints",
-            dict(zip(arguments, symbols, strict=True)),
+            motion,
             {
                 Argument("q_all", (count,), state_unit(chain, 0)): everything,
-                Argument("dq_all", (count,), state_unit(chain, 1)): kinematics.all_rates(
-                    chain, q, dq
-                ),
-                Argument("ddq_all", (count,), state_unit(chain, 2)): kinematics.all_accelerations(
-                    chain, q, dq, ddq
-                ),
+                Argument("dq_all", (count,), state_unit(chain, 1)): rates,
+                Argument("ddq_all", (count,), state_unit(chain, 2)): accelerations,
             },
             "phi(q, d) = 0 by Newton from the assembly pose; NaN at singular postures",
             rare=True,
         ),
         make_kernel(
             "joint_jacobian",
-            {arguments[0]: q},
+            {q_: q},
             {
-                Argument("G", (count, n), "d q_all / d q"): ca.densify(
-                    kinematics.joint_jacobian(chain, q)
-                ),
+                Argument("G", (count, n), "d q_all / d q"): jacobian,
                 Argument("margin", (blocks,), "1"): margin,
             },
             "G = d q_all / d q; margin of each loop, 1 at the assembly, 0 where it is singular",
@@ -55,11 +51,9 @@ def loop_kernels(chain: Chain) -> tuple[Kernel, ...]:
         ),
         make_kernel(
             "next_positions",
-            {arguments[0]: q, last_: last},
+            {q_: q, last_: last},
             {
-                Argument("q_all", (count,), state_unit(chain, 0)): closure.with_seeds(
-                    chain, everything, after
-                ),
+                Argument("q_all", (count,), state_unit(chain, 0)): continued,
                 Argument("margin", (blocks,), "1"): after_margin,
             },
             "phi(q, d) = 0 by Newton from all positions of a sample shortly before",

@@ -5,7 +5,7 @@ called once per period, so that no vector code is compiled for them. The units o
 stand at the end.
 """
 
-from collections.abc import Container
+from collections.abc import Callable, Container
 from typing import Any
 
 import casadi as ca
@@ -26,15 +26,15 @@ def motion_kernels(
     """Return the kernels of τ(q, dq, ddq) and its parameters."""
     n, b, links = chain.freedom, len(base.columns), len(chain.joints)
     effort = effort_unit(chain)
-    q_, dq_, ddq_ = (Argument(STATE[k], (n,), state_unit(chain, k)) for k in range(3))
+    motion = motion_of(chain, 3)
+    (q_, dq_, ddq_), (q, dq, ddq) = motion, motion.values()
     tau_, pi_ = Argument("tau", (n,), effort), Argument("pi", (P * links,), "SI", shared=True)
     beta_ = Argument("beta", (b,), "SI", shared=True)
     lam_ = Argument("lam", (P * links,), "lambda", shared=True)
     weight_ = Argument("weight", (n,), "1", shared=True)
     rotor_ = Argument("rotor", (n,), inertia_unit(chain), shared=True)
-    s = {a: a.symbol() for a in (q_, dq_, ddq_, tau_, pi_, beta_, lam_, weight_, rotor_)}
-    q, dq, ddq, tau, pi, beta, lam, weight, rotor = s.values()
-    motion = {a: s[a] for a in (q_, dq_, ddq_)}
+    further = (tau_, pi_, beta_, lam_, weight_, rotor_)
+    tau, pi, beta, lam, weight, rotor = (a.symbol() for a in further)
     with_pi, with_lam = motion | {pi_: pi}, motion | {lam_: lam}
     # τ(π) = τ(β(π)): through β where the regrouping loses nothing, else from regrouped π.
     grouped = regrouped(chain, pi)
@@ -46,6 +46,9 @@ def motion_kernels(
     pi_once_, beta_once_ = Argument("pi", (P * links,), "SI"), Argument("beta", (b,), "SI")
     slope_ = Argument("slope", (b,), "d cost / d beta")
     pi_once, slope_of_beta = pi_once_.symbol(), slope_.symbol()
+    adjoint = _times(base.matrix.T, slope_of_beta)
+    jacobian = dynamics.torque_jacobian(chain, q, dq, ddq, lam)
+    columns = dynamics.regressor(chain, q, dq, ddq, base.columns)
     residual = from_base - tau
     loss = ca.dot(residual, weight * residual) / 2
     slope = ca.jtimes(from_base, beta, weight * residual, True)
@@ -79,25 +82,17 @@ def motion_kernels(
         make_kernel(
             "torque_jacobian",
             with_lam,
-            {
-                Argument("jacobian", (n, P * links), "d tau / d lam"): dynamics.torque_jacobian(
-                    chain, q, dq, ddq, lam
-                )
-            },
+            {Argument("jacobian", (n, P * links), "d tau / d lam"): jacobian},
             "d tau / d lam = Y blockdiag(d pi / d lam), Eqs. 4.34-4.36",
             factors=("regressor", "pi_jacobian"),
         ),
         make_kernel(
             "base_regressor",
             motion,
-            {
-                Argument("Y_b", (n, b), "d tau / d beta"): dynamics.regressor(
-                    chain, q, dq, ddq, base.columns
-                )
-            },
+            {Argument("Y_b", (n, b), "d tau / d beta"): columns},
             "Y_b with tau = Y_b beta, Eq. 3.11",
         ),
-        *(() if "momentum_regressor" in omitted else _without_accelerations(chain, base, q_, dq_)),
+        *(() if "momentum_regressor" in omitted else _without_accelerations(chain, base)),
         make_kernel(
             "base_parameters",
             {pi_once_: pi_once},
@@ -107,11 +102,7 @@ def motion_kernels(
         make_kernel(
             "base_adjoint",
             {slope_: slope_of_beta},
-            {
-                Argument("gradient", (P * links,), "d cost / d pi"): _times(
-                    base.matrix.T, slope_of_beta
-                )
-            },
+            {Argument("gradient", (P * links,), "d cost / d pi"): adjoint},
             "K' slope, the adjoint of beta = K pi",
         ),
         make_kernel(
@@ -160,32 +151,32 @@ def motion_kernels(
     )
 
 
-def _without_accelerations(
-    chain: Chain, base: BaseParameters, q_: Argument, dq_: Argument
-) -> tuple[Kernel, ...]:
+def _without_accelerations(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
     """Regressors of momentum and energy."""
-    n, b, q, dq = chain.freedom, len(base.columns), q_.symbol(), dq_.symbol()
+    n, b, motion = chain.freedom, len(base.columns), motion_of(chain, 2)
+
+    def columns(f: Callable[..., Any]) -> Any:
+        return dynamics.by_parameters(
+            chain, lambda pi: f(chain, *motion.values(), pi), base.columns
+        )
+
     return (
         make_kernel(
             "momentum_regressor",
-            {q_: q, dq_: dq},
+            motion,
             {
-                Argument("P_b", (n, b), "d p / d beta"): dynamics.by_parameters(
-                    chain, lambda pi: dynamics.momentum(chain, q, dq, pi), base.columns
-                ),
-                Argument("R_b", (n, b), "d r / d beta"): dynamics.by_parameters(
-                    chain, lambda pi: dynamics.lagrange_force(chain, q, dq, pi), base.columns
-                ),
+                Argument("P_b", (n, b), "d p / d beta"): columns(dynamics.momentum),
+                Argument("R_b", (n, b), "d r / d beta"): columns(dynamics.lagrange_force),
             },
             "tau = d(P_b beta)/dt - R_b beta, p = M dq = P_b beta, r = d(T - U)/dq = R_b beta",
             unhurried=True,  # loops call its tiles
         ),
         make_kernel(
             "energy_regressor",
-            {q_: q, dq_: dq},
+            motion,
             {
-                Argument("E_b", (b,), "d (T + U) / d beta"): dynamics.by_parameters(
-                    chain, lambda pi: sum(dynamics.energies(chain, q, dq, pi)), base.columns
+                Argument("E_b", (b,), "d (T + U) / d beta"): columns(
+                    lambda *of: sum(dynamics.energies(*of))
                 ).T
             },
             "dq.tau = d(E_b beta)/dt, T + U = E_b beta + const",
@@ -205,6 +196,12 @@ def _expanded(base: BaseParameters, beta: Any) -> Any:
 def _times(matrix: Array, vector: Any) -> Any:
     """matrix · vector without the zeros of the matrix."""
     return ca.mtimes(ca.sparsify(ca.DM(matrix)), vector)
+
+
+def motion_of(chain: Chain, count: int) -> dict[Argument, Any]:
+    """The first of q, dq, ddq, … of all joints, as arguments with new symbols."""
+    arguments = (Argument(STATE[k], (chain.freedom,), state_unit(chain, k)) for k in range(count))
+    return {a: a.symbol() for a in arguments}
 
 
 def state_unit(chain: Chain, power: int) -> str:
@@ -231,15 +228,14 @@ def _slides(chain: Chain) -> list[bool]:
 
 def passive_kernels(chain: Chain) -> tuple[Kernel, ...]:
     """Return the kernels of torques that depend on q alone."""
-    n, kernels = len(chain.coordinates), []
-    q_ = Argument(STATE[0], (n,), state_unit(chain, 0))
-    q = q_.symbol()
+    n, kernels, motion = len(chain.coordinates), [], motion_of(chain, 1)
+    (q,) = motion.values()
     springs = passive.unknown_springs(chain)
     if springs:
         kernels.append(
             make_kernel(
                 "spring_columns",
-                {q_: q},
+                motion,
                 {Argument("S", (n, len(springs)), "d tau / d k"): passive.spring_columns(chain, q)},
                 "tau = S k of the springs, S = (x - rest) dx / dq",
                 rare=True,
@@ -249,7 +245,7 @@ def passive_kernels(chain: Chain) -> tuple[Kernel, ...]:
         kernels.append(
             make_kernel(
                 "known_torque",
-                {q_: q},
+                motion,
                 {Argument("tau", (n,), effort_unit(chain)): passive.known_torque(chain, q)},
                 "tau = p(x) dx / dq of torque curves and of springs of known stiffness",
                 rare=True,
@@ -261,11 +257,12 @@ def passive_kernels(chain: Chain) -> tuple[Kernel, ...]:
 def control_kernels(chain: Chain, omitted: Container[str] = ()) -> tuple[Kernel, ...]:
     """Return the kernels of computed-torque, adaptive and impedance controllers."""
     n, links = chain.freedom, len(chain.joints)
-    q_, dq_ = (Argument(STATE[k], (n,), state_unit(chain, k)) for k in range(2))
+    motion = motion_of(chain, 2)
+    (q_, _), (q, dq) = motion, motion.values()
     dq_r_ = Argument("dq_r", (n,), state_unit(chain, 1))
     ddq_r_ = Argument("ddq_r", (n,), state_unit(chain, 2))
     pi_ = Argument("pi", (P * links,), "SI", shared=True)
-    q, dq, dq_r, ddq_r, pi = (a.symbol() for a in (q_, dq_, dq_r_, ddq_r_, pi_))
+    dq_r, ddq_r, pi = (a.symbol() for a in (dq_r_, ddq_r_, pi_))
     jacobians = make_kernel(
         "frame_jacobians",
         {q_: q},
@@ -287,27 +284,21 @@ def control_kernels(chain: Chain, omitted: Container[str] = ()) -> tuple[Kernel,
     )
     if "coriolis_matrix" in omitted:
         return (jacobians, bound)
+    coriolis = dynamics.coriolis_matrix(chain, q, dq, regrouped(chain, pi))
+    regressor = dynamics.slotine_li_regressor(chain, q, dq, dq_r, ddq_r)
     return (
         make_kernel(
             "coriolis_matrix",
-            {q_: q, dq_: dq, pi_: pi},
-            {
-                Argument("C", (n, n), "d (C dq) / d dq / 2"): dynamics.coriolis_matrix(
-                    chain, q, dq, regrouped(chain, pi)
-                )
-            },
+            motion | {pi_: pi},
+            {Argument("C", (n, n), "d (C dq) / d dq / 2"): coriolis},
             "C(q, dq) of Christoffel symbols: h = C dq - tau_grav, dM/dt - 2 C is skew-symmetric",
             rare=True,
             unhurried=True,
         ),
         make_kernel(
             "slotine_li_regressor",
-            {q_: q, dq_: dq, dq_r_: dq_r, ddq_r_: ddq_r},
-            {
-                Argument("Y", (n, P * links), "d tau / d pi"): (
-                    dynamics.slotine_li_regressor(chain, q, dq, dq_r, ddq_r)
-                )
-            },
+            motion | {dq_r_: dq_r, ddq_r_: ddq_r},
+            {Argument("Y", (n, P * links), "d tau / d pi"): regressor},
             "Y pi = M(q) ddq_r + C(q, dq) dq_r - tau_grav(q), Slotine & Li 1987",
             rare=True,
             unhurried=True,

@@ -106,10 +106,11 @@ def close_loops(
             f"them, give a loop another kind ({', '.join(FREE_ROWS)}), or correct its frames"
         )
     if _rank(slopes[0]) < rank:
+        pose = (f"{name} = {q:.3g}" for name, q in zip(tree.names, beside[1], strict=True))
         raise UrdfError(
             f"the assembly pose of {closures[0].name} is singular: there the joints are not "
             "determined by each other; state another pose under [assembly], such as "
-            f"{_line(tree.names, beside[1])}"
+            f"{', '.join(pose)}"
         )
     rows = _independent_rows(slopes[0], rank)
     dependent = _dependent(tree, slopes[0][rows], chosen)
@@ -298,10 +299,6 @@ def _blocks(squares: list[Array]) -> tuple[tuple[tuple[int, ...], tuple[int, ...
         blocks.append((tuple(sorted(rows)), tuple(sorted(columns))))
         left -= rows
     return tuple(blocks)
-
-
-def _line(names: tuple[str, ...], x: Array) -> str:
-    return ", ".join(f"{name} = {value:.3g}" for name, value in zip(names, x, strict=True))
 
 
 def _apart(model: pinocchio.Model, data: pinocchio.Data, closure: Closure) -> tuple[Array, Array]:

@@ -122,16 +122,15 @@ def _least(both: ca.Function, k: int, closest: Array, lower: Array, upper: Array
 def _all_pairs(chain: Chain, proxies: tuple[Proxy, ...], margin: float) -> CollisionModel:
     model = CollisionModel(proxies)
     links = [joint.link for joint in chain.joints]
-    joints = [model.joint_of(proxy, links) for proxy in proxies]
+    placed = [(proxy, model.joint_of(proxy, links)) for proxy in proxies]
     parents = [joint.parent for joint in chain.joints]
-    pairs = []
-    for b, second in enumerate(proxies):
-        for a, first in enumerate(proxies[:b]):
-            i, j = joints[a], joints[b]
-            neighbours = i == j or (j >= 0 and parents[j] == i) or (i >= 0 and parents[i] == j)
-            if not neighbours:
-                pairs.append(Pair(first.name, second.name, margin))
-    return CollisionModel(proxies, tuple(pairs))
+    pairs = tuple(
+        Pair(first.name, second.name, margin)
+        for b, (second, j) in enumerate(placed)
+        for first, i in placed[:b]
+        if not (i == j or (j >= 0 and parents[j] == i) or (i >= 0 and parents[i] == j))
+    )
+    return CollisionModel(proxies, pairs)
 
 
 def _range(chain: Chain) -> tuple[Array, Array]:

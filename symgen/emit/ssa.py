@@ -51,15 +51,8 @@ EXPRESSIONS = {
 _TILE_EXPRESSIONS = {
     op: EXPRESSIONS[op]
     for op in (
-        ca.OP_ASSIGN,
-        ca.OP_ADD,
-        ca.OP_SUB,
-        ca.OP_MUL,
-        ca.OP_DIV,
-        ca.OP_NEG,
-        ca.OP_SQ,
-        ca.OP_TWICE,
-        ca.OP_INV,
+        *(ca.OP_ASSIGN, ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV),
+        *(ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE, ca.OP_INV),
     )
 } | {
     ca.OP_SQRT: "vd_sqrt({0})",
@@ -191,7 +184,7 @@ class _TileWriter:
                 shared[outs[0]] = uniform
                 constants.pop(outs[0], None)
         return TileProgram(
-            self._prepare_lines(),
+            [*self._prepare, *(f"u[{slot}] = {name};" for name, slot in self._slots.items())],
             len(self._slots),
             self._turned or next(a.name for a in kernel.inputs if not a.shared),
             sorted(self._turns),
@@ -271,9 +264,6 @@ class _TileWriter:
         """Names of the body among the operands; inputs and shared values are read from memory."""
         return tuple(dict.fromkeys(m[0] for o in operands if (m := _LOCAL.match(o))))
 
-    def _prepare_lines(self) -> list[str]:
-        return [*self._prepare, *(f"u[{slot}] = {name};" for name, slot in self._slots.items())]
-
 
 _INPUT = re.compile(r"(?P<name>\w+)\[(?P<index>\d+) \* VS\]")
 _LOCAL = re.compile(r"(?:t|sc|inv)\d+\b")
@@ -304,9 +294,8 @@ def _nodes(statements: list[Statement]) -> list[_Node]:
     for k, statement in enumerate(statements):
         if not _SUM.fullmatch(statement.text):
             continue
-        products = [
-            n for n in statement.uses if users[n] == 1 and _is_product(statements, where, n)
-        ]
+        alone = [n for n in statement.uses if users[n] == 1]
+        products = [n for n in alone if _PRODUCT.fullmatch(statements[where[n]].text)]
         if products:
             owner[where[products[-1]]] = k  # of two products a multiply-add takes one
     number = {k: i for i, k in enumerate(sorted(set(owner)))}
@@ -314,7 +303,8 @@ def _nodes(statements: list[Statement]) -> list[_Node]:
     for k, statement in enumerate(statements):
         node = nodes[number[owner[k]]]
         node.statements.append(statement)
-        node.latency = max(node.latency, _latency(statement.text))
+        marks = (cycles for mark, cycles in LONGER.items() if mark in statement.text)
+        node.latency = max(node.latency, next(marks, LATENCY))
     for k, statement in enumerate(statements):
         here = number[owner[k]]
         for name in statement.uses:
@@ -323,14 +313,6 @@ def _nodes(statements: list[Statement]) -> list[_Node]:
                 nodes[here].needs.add(there)
                 nodes[there].feeds.add(here)
     return nodes
-
-
-def _latency(text: str) -> int:
-    return next((cycles for mark, cycles in LONGER.items() if mark in text), LATENCY)
-
-
-def _is_product(statements: list[Statement], where: dict[str, int], name: str) -> bool:
-    return _PRODUCT.fullmatch(statements[where[name]].text) is not None
 
 
 def _by_height(nodes: list[_Node]) -> list[int]:

@@ -104,29 +104,18 @@ def _causes(body: Body, where: str) -> list[Finding]:
     findings = []
     flipped = body.inertia * (2 * np.eye(3) - 1)
     if Body(body.mass, body.com, flipped).is_realisable:
-        findings.append(
-            Finding(
-                WARNING,
-                "sign",
-                where,
-                "with the opposite sign of one product of inertia (or of all) it is consistent",
-                "expected Ixy, Ixz, Iyz as integrals −∫xy dm, not mirrored",
-            )
-        )
+        text = "with the opposite sign of one product of inertia (or of all) it is consistent"
+        wanted = "expected Ixy, Ixz, Iyz as integrals −∫xy dm, not mirrored"
+        findings.append(Finding(WARNING, "sign", where, text, wanted))
     shift = body.mass * (body.com @ body.com * np.eye(3) - np.outer(body.com, body.com))
     if Body(body.mass, body.com, body.inertia + shift).is_realisable:
-        findings.append(
-            Finding(
-                WARNING,
-                "wrong-point",
-                where,
-                "with m|c|² added it is consistent, as if the shift to the centre of mass had been "
-                "applied twice",
-                "expected the inertia about the centre of mass",
-            )
+        text = (
+            "with m|c|² added it is consistent, as if the shift to the centre of mass had been "
+            "applied twice"
         )
-    findings += _decimal_entry(body, where)
-    return findings
+        wanted = "expected the inertia about the centre of mass"
+        findings.append(Finding(WARNING, "wrong-point", where, text, wanted))
+    return findings + _decimal_entry(body, where)
 
 
 def _decimal_entry(body: Body, where: str) -> list[Finding]:
@@ -159,7 +148,9 @@ def plausibility_warnings(model: Model, group: Group) -> list[Finding]:
     body, where, extent = group.body, group.where, group.extent
     findings = [*_geometry(body, where, extent)]
     density = _ellipsoid_density(body)
-    reach = extent.reach(body.com) if extent else _kinematic_reach(model, group)
+    # Without shapes: distance from the link origin to its joints and its centre of mass, at most.
+    whole = sum(float(np.linalg.norm(joint.offset)) for joint in model.joints)
+    reach = extent.reach(body.com) if extent else max(STUB * whole, group.reach)
     slip = _slipped(body, reach)
     if density > OSMIUM:
         spread = np.sqrt(np.maximum(np.linalg.eigvalsh(body.sigma), 0.0) / body.mass)
@@ -190,12 +181,6 @@ def plausibility_warnings(model: Model, group: Group) -> list[Finding]:
     return findings
 
 
-def _kinematic_reach(model: Model, group: Group) -> float:
-    """Distance from the link origin to its joints and its centre of mass, at most, m."""
-    whole = sum(float(np.linalg.norm(joint.offset)) for joint in model.joints)
-    return max(STUB * whole, group.reach)
-
-
 def _geometry(body: Body, where: str, extent: Extent | None) -> list[Finding]:
     if extent is None:
         return []
@@ -204,29 +189,17 @@ def _geometry(body: Body, where: str, extent: Extent | None) -> list[Finding]:
     if not FOAM < density < OSMIUM:
         k = _fitting(lambda power: density * 10.0**power)
         hint = f", such as the mass times 10^{k}" if k is not None else ""
-        findings.append(
-            Finding(
-                WARNING,
-                "density",
-                where,
-                f"{body.mass:g} kg in a volume of {1e3 * extent.volume:.3g} l are "
-                f"{density:.3g} kg/m³",
-                f"expected {FOAM:g} to {OSMIUM:g} kg/m³{hint}",
-            )
+        text = (
+            f"{body.mass:g} kg in a volume of {1e3 * extent.volume:.3g} l are {density:.3g} kg/m³"
         )
+        wanted = f"expected {FOAM:g} to {OSMIUM:g} kg/m³{hint}"
+        findings.append(Finding(WARNING, "density", where, text, wanted))
     low, high = extent.points.min(axis=0), extent.points.max(axis=0)
     outside = np.maximum(np.maximum(low - body.com, body.com - high), 0.0)
     if np.linalg.norm(outside) > 0.05 * np.linalg.norm(high - low):
-        findings.append(
-            Finding(
-                WARNING,
-                "outside",
-                where,
-                f"the centre of mass lies {1e3 * np.linalg.norm(outside):.3g} mm outside the box "
-                "around its shapes",
-                "expected it inside",
-            )
-        )
+        far = f"{1e3 * np.linalg.norm(outside):.3g} mm"
+        text = f"the centre of mass lies {far} outside the box around its shapes"
+        findings.append(Finding(WARNING, "outside", where, text, "expected it inside"))
     return findings
 
 

@@ -53,15 +53,9 @@ def _copies(model: Model, bodies: dict[str, Body]) -> list[Finding]:
             mass = {f"{bodies[name].mass:g}" for name in (first, *others)}
             shapes = "different masses" if len(mass) > 1 else "different shapes"
             listed = ", ".join(f"'{name}'" for name in others)
-            findings.append(
-                Finding(
-                    WARNING,
-                    "copied",
-                    f"link '{first}'",
-                    f"its inertia equals that of {listed} to the last digit, with {shapes}",
-                    "expected different inertias for different bodies",
-                )
-            )
+            text = f"its inertia equals that of {listed} to the last digit, with {shapes}"
+            wanted = "expected different inertias for different bodies"
+            findings.append(Finding(WARNING, "copied", f"link '{first}'", text, wanted))
     return findings
 
 
@@ -84,16 +78,12 @@ def _mirrored(bodies: dict[str, Body]) -> list[Finding]:
             f"i{key} {one.inertia[i, j]:.3g} and {two.inertia[i, j]:.3g}"
             for key, i, j in (("xy", 0, 1), ("xz", 0, 2), ("yz", 1, 2))
         )
-        findings.append(
-            Finding(
-                WARNING,
-                "sign",
-                f"link '{b}'",
-                f"it is a mirror image of link '{a}', but no mirror explains the signs of its "
-                f"products of inertia ({products})",
-                "expected signs that follow those of the centre of mass",
-            )
+        text = (
+            f"it is a mirror image of link '{a}', but no mirror explains the signs of its "
+            f"products of inertia ({products})"
         )
+        wanted = "expected signs that follow those of the centre of mass"
+        findings.append(Finding(WARNING, "sign", f"link '{b}'", text, wanted))
     return findings
 
 

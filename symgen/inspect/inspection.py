@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from runtime.common.files import text_of
 from symgen.chain.document import first_element
 from symgen.chain.mechanism import Mechanism
 from symgen.errors import InertiaError, SymgenError, UrdfError
@@ -18,7 +17,7 @@ from symgen.inspect.model import ERROR, Body, Finding, Link, Model
 from symgen.inspect.reading import read_mjcf, read_urdf
 from symgen.inspect.repair import Repair, repair
 from symgen.inspect.rewrite import with_bodies
-from symgen.sources import Packages, Source, read_source
+from symgen.sources import Packages, Source, read_source, urdf_text
 
 INERTIAL = frozenset({"triangle", "zero-inertia"})
 """Kinds of errors that a repair removes."""
@@ -76,7 +75,7 @@ def inspect_file(
     Raises:
         UrdfError: the file cannot be read at all.
     """
-    text, kind = _read(path), path.suffix.removeprefix(".")
+    text, kind = urdf_text(path), path.suffix.removeprefix(".")
     form = kind if kind in {"xacro", "toml"} else first_element(text)
     if form == "mujoco" and chosen is None and not arguments:
         return _checked(read_mjcf(path), None, Meshes(path, packages), with_base)
@@ -176,20 +175,9 @@ def _finding(f: Finding) -> dict[str, str]:
     }
 
 
-def _read(path: Path) -> str:
-    try:
-        return text_of(path)
-    except UnicodeDecodeError as error:
-        raise UrdfError(f"'{path}' is not UTF-8 text ({error.reason}); convert it") from None
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise UrdfError(f"cannot read '{path}' ({reason}); name a URDF or MJCF file") from None
-
-
 def _checked(model: Model, text: str | None, meshes: Meshes, with_base: bool) -> Inspection:
     extents = {name: meshes.extent(link) for name, link in model.links.items()}
-    findings = _findings(model, extents)
-    findings.sort(key=lambda f: f.severity != ERROR)
+    findings = sorted(_findings(model, extents), key=lambda f: f.severity != ERROR)
     notes = list(model.notes)
     base = None
     if text is None:
@@ -211,13 +199,12 @@ def _checked(model: Model, text: str | None, meshes: Meshes, with_base: bool) ->
             f"{len(meshes.missing)} mesh file(s) not available or not solid, such as "
             f"'{meshes.missing[0]}': their densities are unknown (see --package-dir)"
         )
-    rows = []
-    for name, link in model.links.items():
-        if link.body is not None and not link.body.is_empty:
-            extent = extents[name]
-            density = None if extent is None else link.body.mass / extent.volume
-            rows.append(_figures(name, link.body, density))
-    return Inspection(model, text, tuple(rows), tuple(findings), base, tuple(notes))
+    rows = tuple(
+        _figures(name, link.body, extents[name])
+        for name, link in model.links.items()
+        if link.body is not None and not link.body.is_empty
+    )
+    return Inspection(model, text, rows, tuple(findings), base, tuple(notes))
 
 
 def _findings(model: Model, extents: dict[str, Extent | None]) -> list[Finding]:
@@ -243,8 +230,8 @@ def _findings(model: Model, extents: dict[str, Extent | None]) -> list[Finding]:
     return findings
 
 
-def _figures(name: str, body: Body, density: float | None) -> LinkFigures:
-    pseudo = body.pseudo_inertia
-    smallest = float(np.linalg.eigvalsh(pseudo)[0])
-    trace = abs(float(np.trace(pseudo)))
+def _figures(name: str, body: Body, extent: Extent | None) -> LinkFigures:
+    smallest = float(np.linalg.eigvalsh(body.pseudo_inertia)[0])
+    trace = abs(float(np.trace(body.pseudo_inertia)))
+    density = None if extent is None else body.mass / extent.volume
     return LinkFigures(name, body, smallest, smallest / trace if trace else 0.0, density)

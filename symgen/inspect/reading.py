@@ -8,7 +8,6 @@ infers from geoms. MuJoCo's compiler rejects inconsistent inertias; then the ine
 the file are checked.
 """
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -160,9 +159,13 @@ class _Reader:
     ) -> Array | None:
         if key not in node.attrib and default is not None:
             return default
-        values = self._caught(lambda: numbers(node.get(key, ""), count, what), where, what)
+        try:
+            values = numbers(node.get(key, ""), count, what)
+        except UrdfError as error:
+            self.fault("unreadable", where, str(error), f"expected the {what} as plain numbers")
+            return None
         # Limits may have any size; lengths, masses and inertias are multiplied with each other.
-        if values is None or what.startswith(("limit", "dynamics")) or np.abs(values).max() < HUGE:
+        if what.startswith(("limit", "dynamics")) or np.abs(values).max() < HUGE:
             return values
         observed = f"the {what} is {node.get(key)}"
         self.fault("unreadable", where, observed, f"expected numbers in SI units, below {HUGE:g}")
@@ -171,13 +174,6 @@ class _Reader:
     def number(self, node: Element, key: str, where: str, what: str) -> float | None:
         values = self.numbers(node, key, 1, where, what, None)
         return None if values is None else float(values[0])
-
-    def _caught(self, read: Callable[[], Array], where: str, what: str) -> Array | None:
-        try:
-            return read()
-        except UrdfError as error:
-            self.fault("unreadable", where, str(error), f"expected the {what} as plain numbers")
-            return None
 
 
 def read_mjcf(path: Path) -> Model:

@@ -92,20 +92,11 @@ class _Projection:
         # L of each link's metric, and start s⁰ and floor ε P_ref in its coordinates.
         old = np.concatenate([body.pi for body in bodies])
         self.roots = [np.linalg.cholesky(pseudo_of(_nearest(body, ROUND))) for body in bodies]
-        self.start = np.concatenate(
-            [
-                _whitened(root, body.pseudo_inertia)
-                for root, body in zip(self.roots, bodies, strict=True)
-            ]
-        )
-        self._least = np.concatenate(
-            [
-                FLOOR
-                * _whitened(
-                    root, pseudo_of(body.pi if body.is_realisable else _nearest(body, THIN))
-                )
-                for root, body in zip(self.roots, bodies, strict=True)
-            ]
+        pairs = list(zip(self.roots, bodies, strict=True))
+        self.start = np.concatenate([_whitened(root, body.pseudo_inertia) for root, body in pairs])
+        least = [body.pi if body.is_realisable else _nearest(body, THIN) for body in bodies]
+        self._least = FLOOR * np.concatenate(
+            [_whitened(root, pseudo_of(pi)) for root, pi in zip(self.roots, least, strict=True)]
         )
         # (10, 10) per link: π from s; its first row is the mass.
         to_pi = [
@@ -178,27 +169,18 @@ class _Projection:
         # Variables (s, t): min t with A (s, t) + slack = b, slack in the cones of Clarabel.
         size = self.start.size
         masses, rows = self._masses(), self._rows()
-        zero = np.zeros
-        equalities = [masses]
-        second: list[tuple[Array, Array]] = []  # rows G, h of ‖G s − h‖ ≤ t or bound
-        heads = []
-        eye = np.eye(size)
-        if bound is None:
-            second.append((rows, rows @ self.start))
-            heads.append((-1.0, 0.0))
-        else:
-            second.append((eye, self.start))
-            heads.append((-1.0, 0.0))
-            if bound == 0.0:  # a cone of radius zero has no interior: equalities instead
-                equalities.append(rows)
-            else:
-                second.append((rows / bound, rows @ self.start / bound))
-                heads.append((0.0, 1.0))
-        left = np.vstack(equalities)
+        zero, eye = np.zeros, np.eye(size)
+        left = masses
+        near = (rows, rows @ self.start) if bound is None else (eye, self.start)
+        second = [(*near, -1.0, 0.0)]  # ‖G s − h‖ ≤ t, then ≤ 1
+        if bound == 0.0:  # a cone of radius zero has no interior: equalities instead
+            left = np.vstack([masses, rows])
+        elif bound is not None:
+            second.append((rows / bound, rows @ self.start / bound, 0.0, 1.0))
         a = [np.hstack([left, zero((len(left), 1))])]
         b = [left @ self.start]
         cones: list[object] = [clarabel.ZeroConeT(len(left))]
-        for (matrix, target), (t, head) in zip(second, heads, strict=True):
+        for matrix, target, t, head in second:
             a.append(
                 np.vstack([np.append(zero(size), t), np.hstack([-matrix, zero((len(matrix), 1))])])
             )

@@ -194,7 +194,11 @@ def notes_of(chain: Chain, projected: dict[str, float]) -> tuple[str, ...]:
         f"(largest change {change:.2g})"
         for link, change in projected.items()
     ]
-    rounded = [j.name for j in chain.joints if _is_almost_square(j)]
+    rounded = [
+        joint.name
+        for joint in chain.joints  # an entry of whose rotation is almost, but not exactly, 0
+        if any(0.0 < abs(entry) < ROUNDED for row in joint.rotation for entry in row)
+    ]
     if rounded:
         notes.append(
             f"the angles of {', '.join(rounded)} differ from right angles by less than {ROUNDED:g} "
@@ -264,8 +268,3 @@ def _assumed(chain: Chain) -> list[str]:
             "densities=FILE, or a prior file"
         )
     return notes
-
-
-def _is_almost_square(joint: Joint) -> bool:
-    """True if an entry of the joint's rotation is almost, but not exactly, 0."""
-    return any(0.0 < abs(entry) < ROUNDED for row in joint.rotation for entry in row)

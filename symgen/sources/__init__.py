@@ -26,7 +26,7 @@ from runtime.common.records import record_from_toml
 from symgen.chain.dh import robot_from_rows
 from symgen.chain.document import first_element
 from symgen.chain.mechanism import Mechanism
-from symgen.errors import BuildError
+from symgen.errors import BuildError, UrdfError
 from symgen.ros.packages import Packages, expanded
 from symgen.sources.mjcf import robot_from_mjcf
 from symgen.sources.sdf import robot_from_sdf
@@ -119,10 +119,10 @@ def urdf_text(path: Path) -> str:
     try:
         return text_of(path)
     except UnicodeDecodeError as error:
-        raise BuildError(f"the URDF '{path}' is not UTF-8 text ({error.reason})") from None
+        raise UrdfError(f"'{path}' is not UTF-8 text ({error.reason}); convert it") from None
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
-        raise BuildError(f"cannot read the URDF '{path}': {reason}") from None
+        raise UrdfError(f"cannot read the URDF '{path}' ({reason}); name a robot file") from None
 
 
 def published_urdf(name: str) -> Path:

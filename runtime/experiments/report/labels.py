@@ -96,8 +96,7 @@ def printed(value: Value | None, metric: str) -> str:
         return NOTHING
     if metric in SHARES:
         return _share(value.mean)
-    mean = _as_given(value.mean)
-    text = mean if value.std is None else f"{mean} ± {_as_given(value.std)}"
+    text = f"{value.mean!r}" if value.std is None else f"{value.mean!r} ± {value.std!r}"
     return f"{text} (corrected, printed {value.misprint})" if value.misprint else text
 
 
@@ -131,10 +130,6 @@ def _deviating(mean: float, std: float) -> str:
 
 def _share(value: float) -> str:
     return f"{100 * value:.3g}\N{NO-BREAK SPACE}%"
-
-
-def _as_given(value: float) -> str:
-    return repr(value)
 
 
 def short_hash(experiment: Experiment) -> str:

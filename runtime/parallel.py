@@ -13,9 +13,7 @@ from typing import Any, TypeVar
 
 from runtime.errors import IdentificationError, RuntimeFault
 
-__all__ = [
-    "on_cluster",
-]
+__all__ = ["on_cluster"]
 
 PATIENCE = 30.0
 """Time limit for the first worker of a cluster [s]."""

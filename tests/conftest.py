@@ -62,7 +62,6 @@ FIRST = (
 )
 """Files of a dozen seconds and more, roughly from the longest on."""
 
-
 PAGES = "report"
 """Folder of the tests of pages."""
 PICTURES = ("sections.torques", "sections.mass_change", "comparison.method_bars")

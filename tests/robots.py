@@ -67,10 +67,7 @@ MORE = {
     # One finger slides, the other is locked; link 4 has an impossible inertia. The finger adds its
     # mass and three first moments, which the slide moves about.
     "fer_finger": Case(
-        "franka_fer/fer_hand.urdf",
-        47,
-        ChainOptions(locks={"fer_finger_joint2": 0.0}),
-        project=True,
+        "franka_fer/fer_hand.urdf", 47, ChainOptions(locks={"fer_finger_joint2": 0.0}), project=True
     ),
     "fer": Case("franka_fer/fer.urdf", 43, project=True),
     "gen3": Case("kinova_gen3/gen3.urdf", 43, ChainOptions(snap=1e-4)),

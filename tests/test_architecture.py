@@ -421,11 +421,10 @@ def test_names_of_the_package_exist() -> None:
 def test_commands_use_one_thread_of_blas() -> None:
     """Oracle: threadpoolctl; a second thread took four fifths of the time of `predict`."""
     code = (
-        "import sys\nfrom runtime.cli import main\nsys.argv = ['symgen', '--version']\n"
-        "try:\n    main()\nexcept SystemExit:\n    pass\n"
-        "import numpy\n"
-        "from threadpoolctl import threadpool_info\n"
-        "print(*(pool['num_threads'] for pool in threadpool_info() if pool['user_api'] == 'blas'))"
+        "import sys\nfrom runtime.cli import main\nsys.argv = ['symgen', '--version']\ntry:\n    "
+        "main()\nexcept SystemExit:\n    pass\nimport numpy\nfrom threadpoolctl import "
+        "threadpool_info\nprint(*(pool['num_threads'] for pool in threadpool_info() if "
+        "pool['user_api'] == 'blas'))"
     )
     free = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
     run = subprocess.run(

@@ -35,10 +35,7 @@ AT_ONCE = """addEventListener("DOMContentLoaded", () => {
     document.head.append(style);
 })"""
 """The theme's drawer and headings move in no time: they come to rest where they do in .25 s."""
-NO_INDEX = {
-    "config": {"lang": ["en"], "separator": " ", "pipeline": [], "fields": {}},
-    "docs": [],
-}
+NO_INDEX = {"config": {"lang": ["en"], "separator": " ", "pipeline": [], "fields": {}}, "docs": []}
 """Of pages on which nobody searches: a browser takes a second to read the one of the site."""
 OF_SCRIPTS = {
     f"--{name}"

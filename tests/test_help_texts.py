@@ -31,7 +31,6 @@ def test_brackets_are_printed(module: object) -> None:
 
 COMMANDS = [each for group in GROUPS.values() for each in group]
 
-
 NOT_RUN = {
     **dict.fromkeys(("build", "check", "proxies", "clean", "undo"), "needs or changes a build"),
     **dict.fromkeys(("excite", "approach", "campaign", "compare", "reproduce"), "takes long"),

@@ -14,7 +14,6 @@ AVOIDED = {
 }
 """Words that do not say what a variable holds; docs/contributing lists what is said instead."""
 
-
 SECTION = re.compile(r"^(Args|Returns|Yields|Raises):", re.MULTILINE)
 
 

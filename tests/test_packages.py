@@ -110,7 +110,6 @@ M = lib.mass_matrix(lib.home, lib.pi0)
 print(lib.levels, float(M[0, 0]), runtime.__file__)
 """
 
-
 CONSOLE = """
 from importlib.metadata import entry_points
 (command,) = entry_points(group="console_scripts", name="symgen")
@@ -121,11 +120,7 @@ command.load()()
 def test_the_wheel_alone(installed: Path, fr3: Library, tmp_path: Path) -> None:
     """Oracle: pinocchio's mass matrix; property: from wheel to report, the package not written."""
     cache = tmp_path / "home" / ".cache" / "symgen"
-    place = {
-        "HOME": str(tmp_path / "home"),
-        "PATH": os.environ["PATH"],
-        "SYMGEN_LEVELS": fr3.level,
-    }
+    place = {"HOME": str(tmp_path / "home"), "PATH": os.environ["PATH"], "SYMGEN_LEVELS": fr3.level}
     # A compiler cache knows what has been compiled for this level, by messages in this language.
     kept = ("CCACHE_", "LANG", "LC_")
     place |= {name: value for name, value in os.environ.items() if name.startswith(kept)}

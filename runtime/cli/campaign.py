@@ -30,8 +30,7 @@ class CampaignSettings(PlaceChoices):
     command = "campaign"
     options = "target robot out duration driver table obstacles as_json"
     target: Annotated[
-        str,
-        typer.Option(metavar="v=5mNm|a=1.5%|payload=5g", help="Standard deviation to reach."),
+        str, typer.Option(metavar="v=5mNm|a=1.5%|payload=5g", help="Standard deviation to reach.")
     ]
     out: Annotated[
         Path, output_option(metavar="DIR", help="Folder of all files of the campaign.")
@@ -66,8 +65,7 @@ class CampaignSettings(PlaceChoices):
         ),
     ] = None
     rehearsal: Annotated[
-        bool,
-        typer.Option(help="Run every motion on the virtual robot with planted faults first."),
+        bool, typer.Option(help="Run every motion on the virtual robot with planted faults first.")
     ] = True
     seed: Seed = 0
     truth_seed: Annotated[

@@ -33,16 +33,11 @@ from runtime.library import Library, load
 from runtime.library.library import ForeignRobotError, find
 from runtime.registry import Registry
 
-__all__ = [
-    "RobotChoices",
-    "counting",
-    "open_robot",
-]
+__all__ = ["RobotChoices", "counting", "open_robot"]
 
 Overwrite = Annotated[bool, output_option("--overwrite", help="Replace files that exist.")]
 PAGE = b'<meta name="generator" content="symgen">'
 """Mark of an HTML page of this package."""
-
 
 Yes = Annotated[
     bool,
@@ -59,12 +54,7 @@ def robots(incomplete: str) -> list[str]:
 
 
 Robot = Annotated[
-    str,
-    data_option(
-        "--robot",
-        autocompletion=robots,
-        help="Name or folder of a generated robot.",
-    ),
+    str, data_option("--robot", autocompletion=robots, help="Name or folder of a generated robot.")
 ]
 
 
@@ -77,8 +67,7 @@ class RobotChoices(Choices):
 
 
 Seed = Annotated[
-    int,
-    typer.Option(help="Seed of the random numbers, below 2⁶³.", min=0, max=2**63 - 1),
+    int, typer.Option(help="Seed of the random numbers, below 2⁶³.", min=0, max=2**63 - 1)
 ]
 
 

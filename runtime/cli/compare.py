@@ -16,12 +16,7 @@ from runtime.cli.common import (
     require_result_folder,
     state,
 )
-from runtime.cli.log_options import (
-    FitChoices,
-    Log,
-    inputs_of,
-    split_of,
-)
+from runtime.cli.log_options import FitChoices, Log, inputs_of, split_of
 from runtime.cli.shown_progress import ShownProgress
 from runtime.common.settings import FILE, choices_of, model_option, output_option
 from runtime.common.tables import Table

@@ -13,11 +13,7 @@ from runtime.campaign.shortest_session import shortest_session
 from runtime.campaign.target import target_of
 from runtime.cli.approach import SessionPlan
 from runtime.cli.excite_settings import ExciteSettings
-from runtime.cli.motion_output import (
-    SAMPLED,
-    certified_stages,
-    designed_by,
-)
+from runtime.cli.motion_output import SAMPLED, certified_stages, designed_by
 from runtime.cli.planned_log import require_gain_error
 from runtime.cli.predict import torque_sentence, unit_payload_sentence
 from runtime.common.files import require_unused
@@ -226,11 +222,7 @@ def _times(ways: SessionPlan, motion: Trajectory) -> str:
 
 
 def excite_several(
-    lib: Library,
-    given: ExciteSettings,
-    settings: DesignSettings,
-    known: Information,
-    place: Path,
+    lib: Library, given: ExciteSettings, settings: DesignSettings, known: Information, place: Path
 ) -> None:
     """Design several motions, print what their logs will show together, and write them."""
     count = given.motions

@@ -8,10 +8,7 @@ import numpy as np
 import typer
 
 from runtime.cli.common import open_robot, write_recipe
-from runtime.cli.log_options import (
-    BodyChoices,
-    CoulombSpeed,
-)
+from runtime.cli.log_options import BodyChoices, CoulombSpeed
 from runtime.common.settings import data_option, model_option, output_option
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, completing, say, show

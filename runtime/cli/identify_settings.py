@@ -177,8 +177,7 @@ class IdentifySettings(FitChoices):
     save_statistics: Annotated[
         bool,
         output_option(
-            "--save-statistics",
-            help="Write statistics.npz, the compressed log that fleet needs.",
+            "--save-statistics", help="Write statistics.npz, the compressed log that fleet needs."
         ),
     ] = False
     report: Annotated[

@@ -174,12 +174,7 @@ def _facts(inspection: Inspection) -> dict[str, Any]:
         "files": dict(recording.source),
         "history": list(recording.history),
         "findings": [
-            {
-                "kind": f.kind,
-                "level": f.level,
-                "sentence": f.sentence,
-                "evidence": f.evidence,
-            }
+            {"kind": f.kind, "level": f.level, "sentence": f.sentence, "evidence": f.evidence}
             for f in inspection.findings
         ],
         "recipe": recipe_text(inspection),

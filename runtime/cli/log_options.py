@@ -167,8 +167,7 @@ class OfResult(Choices):
     robot: Annotated[
         str | None,
         data_option(
-            autocompletion=robots,
-            help="Name or folder of the robot; default that of the result.",
+            autocompletion=robots, help="Name or folder of the robot; default that of the result."
         ),
     ] = None
     yes: Yes = False

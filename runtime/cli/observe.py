@@ -27,13 +27,7 @@ from runtime.identification.posterior_file import read_posterior
 from runtime.identification.saved_result import SavedResult, read_result
 from runtime.library import Array, Library
 from runtime.library.manifest import file_units
-from runtime.monitoring.calibration import (
-    FreeMotion,
-    Tail,
-    calibrated_on,
-    rate_interval,
-    verified,
-)
+from runtime.monitoring.calibration import FreeMotion, Tail, calibrated_on, rate_interval, verified
 from runtime.monitoring.false_alarms import alarm_rate
 from runtime.monitoring.model import MonitoredModel, model_of
 from runtime.monitoring.noise import read_held_out

@@ -7,12 +7,7 @@ from typing import Annotated
 
 import typer
 
-from runtime.cli.common import (
-    ResultFolder,
-    keep_earlier,
-    open_robot,
-    require_result_folder,
-)
+from runtime.cli.common import ResultFolder, keep_earlier, open_robot, require_result_folder
 from runtime.cli.log_options import BodyChoices
 from runtime.common.settings import FILE, data_option, model_option, output_option
 from runtime.common.tables import Table

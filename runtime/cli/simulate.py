@@ -109,8 +109,7 @@ class SimulateSettings(RobotChoices):
         ),
     ] = 0
     exact: Annotated[
-        bool,
-        typer.Option("--ideal", help="Follow the trajectory exactly, without a controller."),
+        bool, typer.Option("--ideal", help="Follow the trajectory exactly, without a controller.")
     ] = False
     perturb: Annotated[
         float, model_option(help="Fraction by which each λ of the URDF differs in the true robot.")
@@ -176,12 +175,7 @@ def simulate_command(given: SimulateSettings) -> None:
             progress.update(task, completed=part)
 
         if virtual:
-            made = _virtual(
-                lib,
-                motion,
-                given,
-                report,
-            )
+            made = _virtual(lib, motion, given, report)
         else:
             noise = {
                 "position_noise": given.position_noise,
@@ -215,10 +209,7 @@ def _is_virtual(given: SimulateSettings) -> bool:
 
 
 def _virtual(
-    lib: Library,
-    motion: Trajectory,
-    given: SimulateSettings,
-    report: Callable[[float], None],
+    lib: Library, motion: Trajectory, given: SimulateSettings, report: Callable[[float], None]
 ) -> Made:
     settings = settings_of(lib, given.virtual_robot)
     box = None if given.payload is None else read_payload(given.payload)

@@ -23,14 +23,7 @@ from runtime.common.errors import RuntimeFault
 from runtime.common.settings import Choices, as_function, choices_of, record_of, stated_settings
 from runtime.common.terminal import VERBOSE, as_typed, flowing
 
-__all__ = [
-    "INTERRUPTED",
-    "Command",
-    "Commands",
-    "application",
-    "imported",
-    "run",
-]
+__all__ = ["INTERRUPTED", "Command", "Commands", "application", "imported", "run"]
 
 INTERRUPTED = 130
 """Exit code that Typer makes of Ctrl-C, where no method returns its best result so far."""
@@ -73,9 +66,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         _build("show", "list", "List bundled and generated robots."),
         _build("show", "describe", "Show joints, limits, base parameters and kernels of a robot."),
         _build(
-            "proxies",
-            "proxies",
-            "Fit collision capsules to a robot and choose the pairs to check.",
+            "proxies", "proxies", "Fit collision capsules to a robot and choose the pairs to check."
         ),
         _build("show", "clean", "Delete compiled libraries and generated folders."),
     ),
@@ -83,9 +74,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         _build("inspect", "inspect", "Check the inertial parameters of a robot model.", "MODEL"),
         _run("inspect", "Check a log and propose a recipe that reads it.", "LOG"),
         Command(
-            "locate",
-            "runtime.cli.bundled",
-            "Print the folder of a known data set or of a robot.",
+            "locate", "runtime.cli.bundled", "Print the folder of a known data set or of a robot."
         ),
     ),
     "Plan a motion": (
@@ -447,8 +436,7 @@ def run(app: typer.Typer, name: str) -> None:
         place = str(error.filename)
         short = place if len(place) <= 100 else place[:100] + "…"
         print(
-            f"{name}: cannot use '{short}' ({error.strerror}); choose another path",
-            file=sys.stderr,
+            f"{name}: cannot use '{short}' ({error.strerror}); choose another path", file=sys.stderr
         )
         raise SystemExit(2) from None
     except SystemExit as end:

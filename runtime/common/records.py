@@ -62,11 +62,7 @@ class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
 
 
 def record_from_table(
-    kind: type[T],
-    table: Any,
-    where: str,
-    error: type[Exception],
-    allows_infinite: bool = False,
+    kind: type[T], table: Any, where: str, error: type[Exception], allows_infinite: bool = False
 ) -> T:
     """Record of a table, or one sentence on the first fault.
 

@@ -118,11 +118,7 @@ def chosen_method(method: str | None, preset: Any, prior: Any) -> str:
 
 
 def fit_by(
-    problem: Problem,
-    method: str,
-    preset: Any = None,
-    prior: Any = None,
-    log: Origin | None = None,
+    problem: Problem, method: str, preset: Any = None, prior: Any = None, log: Origin | None = None
 ) -> Fit:
     """Solve a problem by one of `METHODS`."""
     record = require_method(method)

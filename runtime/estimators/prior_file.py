@@ -192,11 +192,7 @@ LARGEST_ROTOR = 1e6
 SHARE = 0.5
 """Standard deviation over the value where none is stated."""
 TRUST = {"cad": CAD, "gripper": GRIPPER, "none": NONE}
-MIRRORED = {
-    "xy": ("mZ", "XZ", "YZ"),
-    "xz": ("mY", "XY", "YZ"),
-    "yz": ("mX", "XY", "XZ"),
-}
+MIRRORED = {"xy": ("mZ", "XZ", "YZ"), "xz": ("mY", "XY", "YZ"), "yz": ("mX", "XY", "XZ")}
 """Entries of π that vanish for a body that is symmetric about a plane of its link frame."""
 _MASS = "a mass above 0 kg or [lowest, highest] in kg"
 _BOX = "[[x, y, z], [x, y, z]] in m, lowest and highest corner"

@@ -37,7 +37,6 @@ from runtime.parallel import on_cluster
 
 MISSING, PARTIAL, DONE, DIFFERS = "missing", "partial", "done", "hash differs"
 
-
 DEFAULT_TRIALS = 150
 """Number of Monte Carlo trials of the document."""
 

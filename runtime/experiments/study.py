@@ -117,7 +117,6 @@ def config_hash(facts: Mapping[str, Any], model_hash: str, needed: Arrays) -> st
 TORQUE = tuple(f"tau_error_{joint}" for joint in range(1, 8))
 """Rows of the tables of torque errors in the document."""
 
-
 MOTION = ("t", "q", "dq", "ddq", "tau")
 """Series of a motion, without the prefix of the motion."""
 

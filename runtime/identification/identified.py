@@ -241,11 +241,7 @@ def friction_error(result: Identification) -> metrics.TorqueError | None:
 
 
 def torque_of(
-    lib: Library,
-    samples: Samples,
-    pi: Array,
-    phi: Array,
-    learned: Learned | None = None,
+    lib: Library, samples: Samples, pi: Array, phi: Array, learned: Learned | None = None
 ) -> Array:
     """τ̂ of a model with its friction.
 

@@ -30,20 +30,11 @@ import numpy as np
 from runtime.common.threads import cores, one_blas_thread
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.descent.adam import Preset
-from runtime.estimators.methods import (
-    chosen_method,
-    methods_from_statistics,
-    require_method,
-)
+from runtime.estimators.methods import chosen_method, methods_from_statistics, require_method
 from runtime.estimators.regression.samples import residuals, samples_of
 from runtime.identification.identified import Identification, WholeLog
 from runtime.identification.metrics import TorqueError, torque_error_of
-from runtime.identification.problem_setup import (
-    PARTS,
-    Assembly,
-    FitOfAssembly,
-    assembled,
-)
+from runtime.identification.problem_setup import PARTS, Assembly, FitOfAssembly, assembled
 from runtime.identification.progress import SILENT, Progress
 from runtime.identification.settings import Settings, bare_settings, shares_of, terms_of
 from runtime.library import Array, Library

@@ -28,14 +28,7 @@ from runtime.identification.progress import SILENT, Progress
 from runtime.identification.settings import AUTO, CHOSEN, Settings, cutoff_of, friction_of
 from runtime.identification.single_log import without_torque_columns
 from runtime.library import Library
-from runtime.recording import (
-    EVERYTHING,
-    Friction,
-    Preparation,
-    Recording,
-    Split,
-    StreamedRecording,
-)
+from runtime.recording import EVERYTHING, Friction, Preparation, Recording, Split, StreamedRecording
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction import OFFSET, default_terms, has_memory
 from runtime.recording.preprocessing.parts import before_test
@@ -223,10 +216,7 @@ def without_memory(columns: Sequence[str]) -> tuple[str, ...]:
 
 
 def preparation_of(
-    recording: Recording,
-    cutoff: float | None,
-    rate: float | None,
-    regressor: str | None = None,
+    recording: Recording, cutoff: float | None, rate: float | None, regressor: str | None = None
 ) -> Preparation | None:
     """Preparation of the recipe with cut-off, rate and regressor in place; None where none is."""
     if cutoff is None and rate is None and regressor is None:

@@ -25,22 +25,13 @@ from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.consistency import require_plausible
 from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.friction import (
-    geared,
-    left_out_note,
-    unresolved,
-    without_columns,
-)
+from runtime.recording.friction import geared, left_out_note, unresolved, without_columns
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.parts import prepared_parts, rows_between
 from runtime.recording.preprocessing.pipeline import prepare_power
 from runtime.recording.settings import EVERYTHING
 
-__all__ = [
-    "Assembly",
-    "assemble",
-    "settings_for",
-]
+__all__ = ["Assembly", "assemble", "settings_for"]
 
 PARTS = ("train", "validation", "test")
 Parts = tuple[Recording, Recording, Recording]
@@ -338,8 +329,7 @@ def known_friction(
         return rotors
     is_stated = np.isfinite(rotors.sigma)
     return FrictionPrior(
-        np.where(is_stated, rotors.mean, known.mean),
-        np.where(is_stated, rotors.sigma, known.sigma),
+        np.where(is_stated, rotors.mean, known.mean), np.where(is_stated, rotors.sigma, known.sigma)
     )
 
 

@@ -16,14 +16,7 @@ import numpy as np
 from runtime.common.tables import Table
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError, RecordingError
-from runtime.inspection.checks import (
-    clock,
-    joint_order,
-    motion,
-    outlying_rows,
-    signals,
-    units,
-)
+from runtime.inspection.checks import clock, joint_order, motion, outlying_rows, signals, units
 from runtime.inspection.checks.columns import meaning
 from runtime.inspection.checks.file_layout import draft
 from runtime.inspection.checks.vendor_signals import vendor_torque

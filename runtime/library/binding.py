@@ -114,7 +114,6 @@ LEVELS = ("casadi", "portable", "v2", "v3", "v4", "neon")
 
 Sorted: a processor that runs one runs those before it."""
 
-
 DOUBLE = 8
 """Bytes of a number."""
 PART = 4096
@@ -228,12 +227,7 @@ class Binding:
         )
 
     def run(
-        self,
-        name: str,
-        n: int,
-        places: Sequence[int],
-        steps: Sequence[int],
-        results: Sequence[int],
+        self, name: str, n: int, places: Sequence[int], steps: Sequence[int], results: Sequence[int]
     ) -> None:
         """Call a kernel over n samples on memory that the caller holds, without a copy.
 

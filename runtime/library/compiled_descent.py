@@ -180,10 +180,7 @@ class CompiledAdam(Jobs):
         job.work = self._pointer(zeros(scratch))
 
     def run(
-        self,
-        iterations: int,
-        rows: Sequence[NDArray[np.int64]] | None = None,
-        threads: int = 1,
+        self, iterations: int, rows: Sequence[NDArray[np.int64]] | None = None, threads: int = 1
     ) -> None:
         """Continue all jobs; rows: indices of samples per job, (iterations, batch)."""
         kept = [np.ascontiguousarray(r, dtype=ctypes.c_long) for r in rows or ()]

@@ -20,13 +20,7 @@ from runtime.library.motion_kernels import MotionKernels
 from runtime.library.safety_kernels import ProofKernels, SafetyKernels
 
 
-class Library(
-    JointKernels,
-    MotionKernels,
-    SafetyKernels,
-    ProofKernels,
-    BodyKernels,
-):
+class Library(JointKernels, MotionKernels, SafetyKernels, ProofKernels, BodyKernels):
     """Compiled physics of one robot; every method takes one sample or N.
 
     n independent joints, L links, n_b base parameters; L = n unless joints are coupled or the base

@@ -143,10 +143,7 @@ def near(t: Array, event: NDArray[np.bool_], before_s: float, after_s: float) ->
 
 
 def noise_of_observer(
-    settings: ObserverSettings,
-    held_out: HeldOutResidual,
-    t: Array,
-    r: Array,
+    settings: ObserverSettings, held_out: HeldOutResidual, t: Array, r: Array
 ) -> ObserverNoise:
     """Noise of r in free motion.
 

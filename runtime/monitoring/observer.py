@@ -361,12 +361,7 @@ class Contact:
 
 
 def contacts_of(
-    t: Array,
-    r: Array,
-    sigma: Array,
-    threshold: Array,
-    names: Sequence[str],
-    within_s: float,
+    t: Array, r: Array, sigma: Array, threshold: Array, names: Sequence[str], within_s: float
 ) -> tuple[Contact, ...]:
     """Contacts in the order of time.
 

@@ -97,7 +97,6 @@ GRAVITY = 9.81
 _FEWEST_ROWS = 8
 """Fewest instants of a recording."""
 
-
 _ZIP = b"PK"
 """First bytes of an NPZ."""
 
@@ -299,12 +298,7 @@ def _require_distinct(links: tuple[str, ...], position: FloatArray, name: str) -
 
 
 def _of_sensors(
-    arrays: dict[str, NDArray],
-    key: str,
-    name: str,
-    shape: tuple[int, ...],
-    wanted: str,
-    zero: bool,
+    arrays: dict[str, NDArray], key: str, name: str, shape: tuple[int, ...], wanted: str, zero: bool
 ) -> FloatArray | None:
     """Property of the sensors of the vertical forces; None where the log does not state it."""
     if key not in arrays:

@@ -112,7 +112,6 @@ _BY_PREFIX = {
 }
 """Prefix → function of `_ROOM` that makes the record."""
 
-
 _ROOM = "runtime.recording.friction.columns"
 
 
@@ -180,15 +179,11 @@ def signals_for(names: Iterable[str]) -> tuple[str, ...]:
 
 FILTERS = ("butterworth", "average", "savitzky-golay", "none")
 
-
 DERIVATIVES = ("measured", "position")
-
 
 REGRESSORS = ("acceleration", "momentum", "energy")
 
-
 COULOMB_SPEED, STRIBECK_SPEED, DAHL_STROKE = 0.02, 0.1, 2e-3
-
 
 WIDTHS = {
     "coulomb_speed": ("ε", "rad/s"),

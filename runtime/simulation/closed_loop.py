@@ -36,7 +36,6 @@ from runtime.simulation.plant import (
 LONGEST_SUBSTEP = 2e-4
 """Longest integration step of the plant, s; one step leaves an error of order h³."""
 
-
 _CHUNK = 500
 """Periods between two reports of progress, at which Ctrl-C is handled too."""
 

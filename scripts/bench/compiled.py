@@ -181,7 +181,6 @@ __attribute__((visibility("default"))) double limit(long rounds)
 )
 """x ← x a + b in independent chains, each kept in a register by an empty asm statement."""
 
-
 _CLOCK = """\
 #include <time.h>
 __attribute__((visibility("default"))) double cycle(long rounds)

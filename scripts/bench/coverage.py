@@ -168,7 +168,6 @@ CASES: dict[str, tuple[str, Preparation | None]] = {
 }
 """Key → label of the table, and preparation."""
 
-
 WRONG_GAIN = 1.1
 LATE = 0.3  # delay of the torque in rows of 10 ms
 PEAK, WIDTH = 1.0, 0.1  # Stribeck peak [N·m] and its speed [rad/s]

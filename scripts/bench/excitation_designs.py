@@ -63,7 +63,6 @@ SHAPES = (
     Shape(8, 20.0, FRICTION),
 )
 
-
 COLUMNS = {
     **{"M": "", "t_f s": "g", "friction counted": "", "cond": ".2f", "expected V": ".1f"},
     **{"real, ideal": ".1f", "expected / real": ".2f", "real, MuJoCo": ".0f"},

@@ -158,11 +158,7 @@ def defaults(shared: Path, methods: tuple[str, ...] = METHODS) -> list[Error]:
 
 
 def _errors(
-    robot: str,
-    arm_of: Callable[..., Arm],
-    other: int,
-    methods: tuple[str, ...],
-    root: Path,
+    robot: str, arm_of: Callable[..., Arm], other: int, methods: tuple[str, ...], root: Path
 ) -> Iterator[Error]:
     """Every setting on one robot."""
     arm, unseen = arm_of(), arm_of(motion_seed=other)

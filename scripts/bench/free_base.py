@@ -131,7 +131,6 @@ SHARE_OF_URDF, MOST = 0.8, 2.0
 """Goal of the error: share of the URDF's, and largest value [% of the weight]."""
 TRIM_S = 0.3  # rows at either end that are left out of the walking log [s]
 
-
 _WALK = ("URDF %", "goal %", "identified at 3 Hz %", "without lag %", "without crosstalk %",
          "identified in this band %", "crosstalk in this band N/(N·m)", "URDF of the best mass %",
          "best constant %", "mass kg")  # fmt: skip
@@ -215,7 +214,6 @@ LOADED = 0.15
 """Share of the median sum from which a foot counts as loaded; a lifted foot reads up to 6 %."""
 SHORTEST_S = 0.1  # shortest stance that is counted [s]
 GRAVITY = 9.81
-
 
 _SUMS = dict.fromkeys(("s", "mean ΣF_z / g, kg", "lifted foot / g, kg"), ".2f")
 STANCES = {"half": "", "loaded feet": "", **_SUMS}

@@ -35,7 +35,6 @@ LARGEST = 640 * 1024
 AGREEMENT = 1e-8
 """Largest relative difference between a peer and us: rounding times the condition of M."""
 
-
 CPP = "Pinocchio C++"
 
 RATIOS = (

@@ -126,7 +126,6 @@ LOGS = (
     PublishedLog("dVRK PSM", "psm", "dvrk/psm_one_no_weight.csv", rate_hz=200.0, facts=_DVRK),
 )
 
-
 FURTHER = (
     PublishedLog("UR10, axis 1", "ur10", "ur_collisions/Axis_1_1.csv.gz"),
     PublishedLog("UR10, impact", "ur10", "ur_collisions/Drift00_WF_1.csv.gz"),
@@ -215,12 +214,8 @@ def sheet(rows: list[Row]) -> Sheet:
     return Sheet("real_logs", head, lines, rows, notes=unfounded)
 
 
-ALONE = (
-    "--settings",
-    "refit=false",
-)
+ALONE = ("--settings", "refit=false")
 """Parameters of the training part: the rows of the test would flatter the error in another band."""
-
 
 _PUBLISHED = ("error in the published band", "published")
 RAW_COLUMNS = dict.fromkeys(("log", "tested on", "proposed band", "error in it", *_PUBLISHED), "")

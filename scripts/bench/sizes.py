@@ -36,7 +36,6 @@ cpu = sum(part.ru_utime + part.ru_stime for part in parts)
 print(json.dumps([cpu, max(part.ru_maxrss for part in parts) / 1024]))
 """
 
-
 _COSTS = {"build, CPU s": ".1f", "MB": ".0f", "τ alone, CPU s": ".2f", "τ, ns per sample": ".0f"}
 COLUMNS = {"joints": "", **_COSTS, "kernels omitted": ""}
 """CPU time of the whole build for all levels, its largest process, the kernel of τ alone for one

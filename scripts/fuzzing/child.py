@@ -34,7 +34,6 @@ PATIENCE = 300.0  # limit of wall time per file, s, for a reader that waits
 MEMORY = 2**30  # bytes of address space beyond what the process has before it reads damaged files
 RESIDENT = 4 * 10**8  # bytes of memory that one file may take; good ones take a few million
 
-
 FORBIDDEN = (
     *("os.system", "os.exec", "os.fork", "os.forkpty", "os.posix_spawn", "os.spawn", "os.symlink"),
     *("subprocess.Popen", "pickle.find_class", "socket.connect", "socket.bind", "pty.spawn"),

@@ -150,7 +150,6 @@ def links(draw: Draw, data: bytes) -> bytes:
 ANY: tuple[Mutator, ...] = (pieces,) * 5
 TEXT: tuple[Mutator, ...] = (*ANY, *[archives.numbers] * 3, words, bare_words, lines, lines)
 
-
 _JSON: tuple[Mutator, ...] = (*TEXT, nested((b"[", b"]"), (b'{"a":', b"}")), *[json_tree] * 12)
 _TAGS = [(b"<%s>" % tag, b"</%s>" % tag) for tag in (b"link", b"body", b"geom", b"visual")]
 _XML: tuple[Mutator, ...] = (*TEXT, nested(*_TAGS), entities, entities, *[xml_tree] * 12)

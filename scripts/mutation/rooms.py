@@ -47,8 +47,7 @@ ROOMS = {
     "inspection": _same("inspection"),
     "payload": _same("identification/payload"),
     "gains": Room(
-        ("runtime/identification/sensor_gains.py",),
-        ("tests/runtime/identification/sensor_gains",),
+        ("runtime/identification/sensor_gains.py",), ("tests/runtime/identification/sensor_gains",)
     ),
     "drives": _same("identification/drive"),
     "free base": Room(

@@ -28,11 +28,7 @@ sim = Simulation(ENVIRONMENTS, SimulationCfg(), model, "cpu")
 scene.initialize(model, sim.model, sim.data)
 sim.expand_model_fields(randomize.model_fields)
 env = SimpleNamespace(
-    scene=scene,
-    sim=sim,
-    num_envs=ENVIRONMENTS,
-    device="cpu",
-    physics_dt=model.opt.timestep,
+    scene=scene, sim=sim, num_envs=ENVIRONMENTS, device="cpu", physics_dt=model.opt.timestep
 )
 randomize(env, None)
 sim.recompute_constants(randomize.recompute)

@@ -24,10 +24,7 @@ def body_kernels() -> tuple[Kernel, ...]:
         make_kernel(
             "pi_jacobian",
             {lam_: lam},
-            {
-                pi_: of_lam,
-                Argument("jacobian", (P, P), "d pi / d lam"): ca.jacobian(of_lam, lam),
-            },
+            {pi_: of_lam, Argument("jacobian", (P, P), "d pi / d lam"): ca.jacobian(of_lam, lam)},
             "pi and d pi / d lam of one link",
             "link",
         ),

@@ -12,15 +12,7 @@ import numpy as np
 import pinocchio
 
 from symgen.chain.coupling import mimic_rows
-from symgen.chain.document import (
-    MOVING,
-    Document,
-    add_origin,
-    axis_of,
-    listing,
-    numbers,
-    origin,
-)
+from symgen.chain.document import MOVING, Document, add_origin, axis_of, listing, numbers, origin
 from symgen.chain.mechanism import Mechanism
 from symgen.errors import UrdfError
 

@@ -20,10 +20,7 @@ from symgen import __version__
 
 BUILD_LIBRARIES = frozenset({"casadi", "pinocchio", "coal"})
 """Top-level modules that only the extra `build` installs."""
-PURPOSES = {
-    "inspect": "inspecting a robot model",
-    "proxies": "fitting capsules to a robot",
-}
+PURPOSES = {"inspect": "inspecting a robot model", "proxies": "fitting capsules to a robot"}
 """What needs them, by command; every other command writes the C code of a robot."""
 
 AGAIN_S = 0.002

@@ -228,10 +228,7 @@ def build_command(given: BuildSettings) -> None:
             mechanism=read_mechanism(given.mechanism),
         )
         source = Source(
-            urdf,
-            read_arguments(given.arg or []),
-            Packages(tuple(given.package or ())),
-            given.model,
+            urdf, read_arguments(given.arg or []), Packages(tuple(given.package or ())), given.model
         )
         request = request_from_urdf(
             source, name, options, given.project, given.config, given.densities

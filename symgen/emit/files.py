@@ -150,7 +150,6 @@ _DECLARED = re.compile(r"^  casadi_real (a\d.*);$", re.MULTILINE)
 _CALLED = re.compile(r"\w\(")
 _CALL = re.compile(r"\bvd_(\w+)\(")
 
-
 SHIPPED = (
     *("base_parameters", "base_adjoint", "base_inverse_dynamics", "inverse_dynamics"),
     *("mass_matrix", "bias_forces", "forward_dynamics", "end_effector", "base_regressor"),
@@ -247,7 +246,6 @@ def _rows(regressor: Kernel, body: list[str]) -> dict[str, Any]:
 
 
 _STORE = re.compile(r"Y_b\[(\d+)\] = (.*);")
-
 
 _TEMPLATES = Path(__file__).parents[1] / "templates"
 

@@ -5,13 +5,7 @@ check; `base` computes base parameters; `repair` projects; `rewrite` writes the 
 text; `inspection` combines them.
 """
 
-from symgen.inspect.inspection import (
-    Inspection,
-    facts,
-    inspect_file,
-    inspect_text,
-    repaired,
-)
+from symgen.inspect.inspection import Inspection, facts, inspect_file, inspect_text, repaired
 from symgen.inspect.model import ERROR, Body
 from symgen.inspect.repair import Repair
 

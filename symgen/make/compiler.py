@@ -23,13 +23,7 @@ PROCESSOR_FLAGS = {"v4": _V4, "v3": _V3, "v2": _V2}
 """Level → flags of /proc/cpuinfo that the x86-64 ABI requires for it."""
 CPUINFO = Path("/proc/cpuinfo")
 
-
-FLAGS = (
-    "-std=c99",
-    "-fPIC",
-    "-fno-math-errno",
-    "-fno-trapping-math",
-)
+FLAGS = ("-std=c99", "-fPIC", "-fno-math-errno", "-fno-trapping-math")
 """Flags of all sources. -ffast-math would break range reduction and the handling of NaN.
 
 Warnings are off: the tests compile with all of them, and they cost GCC a second.

@@ -30,13 +30,7 @@ from symgen.emit.files import Early, EmittedRobot, controller_files, emit, ignor
 from symgen.errors import BuildError
 from symgen.kernel import Kernel
 from symgen.make import VERSION
-from symgen.make.compiler import (
-    PORTABLE,
-    REFERENCE,
-    Compilation,
-    how_to_compile,
-    level_names,
-)
+from symgen.make.compiler import PORTABLE, REFERENCE, Compilation, how_to_compile, level_names
 from symgen.make.facts import initial_parameters, model_facts, notes_of
 from symgen.make.request import BuildRequest
 from symgen.mechanics.loop_range import within_loops
@@ -90,7 +84,6 @@ _OF_ONE_BUILD = (".so", ".tmp", ".casadi", "_casadi.c")
 """Ends of files that do not outlive their build."""
 _AT_FDCWD = -100
 _RENAME_EXCHANGE = 2
-
 
 ONCE = ("kernels.c", "update.c", "online.c", "closed_loop.c")
 """Sources compiled once."""

@@ -223,9 +223,7 @@ def pi_from_cholesky(theta: Matrix) -> Matrix:
     d1, d2, d3 = (ca.exp(theta[i]) for i in (1, 2, 3))
     s12, s23, s13, t = theta[4], theta[5], theta[6], theta[7:10]
     upper = ca.vertcat(
-        ca.horzcat(d1, s12, s13, t[0]),
-        ca.horzcat(0, d2, s23, t[1]),
-        ca.horzcat(0, 0, d3, t[2]),
+        ca.horzcat(d1, s12, s13, t[0]), ca.horzcat(0, d2, s23, t[1]), ca.horzcat(0, 0, d3, t[2])
     )
     mass = ca.exp(2 * theta[0])
     sigma = ca.mtimes(upper, upper.T)

@@ -144,13 +144,7 @@ def _sampler(chain: Chain) -> Sampler:
     return sample
 
 
-def _shrunk(
-    sample: Sampler,
-    home: Array,
-    ends: Array,
-    moving: list[int],
-    least: float,
-) -> Array:
+def _shrunk(sample: Sampler, home: Array, ends: Array, moving: list[int], least: float) -> Array:
     """The box about the assembly pose, shrunk until its postures comply."""
     if len(moving) < 2:
         return ends

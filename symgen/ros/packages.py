@@ -18,7 +18,6 @@ from symgen.errors import BuildError
 
 _log = logging.getLogger(__name__)
 
-
 _DEPTH = 4
 """Levels below a folder of packages at which package.xml is searched."""
 _SCHEME = "package:/"

@@ -63,15 +63,12 @@ def refusal(folder: Path, body: str) -> str:
 def test_no_expression_runs_code(tmp_path: Path) -> None:
     """Property: nineteen ways to the interpreter are refused, by the names that xacro offers."""
     program = (
-        "import json, sys, xacro, xacro.substitution_args as s; from pathlib import Path\n"
-        "from symgen.ros.packages import Packages\n"
-        "from symgen.ros.xacro_child import Files, confine\n"
-        "confine(xacro, s, Files(Path('x/robot.xacro'), Packages()))\n"
-        "answers = []\n"
-        "for text in json.load(sys.stdin):\n"
-        "    try: answers.append(repr(xacro.safe_eval(text, xacro.Table(xacro._global_symbols))))\n"
-        "    except (ValueError, NameError, AttributeError, TypeError): answers.append('')\n"
-        "print(json.dumps(answers))"
+        "import json, sys, xacro, xacro.substitution_args as s; from pathlib import Path\nfrom "
+        "symgen.ros.packages import Packages\nfrom symgen.ros.xacro_child import Files, "
+        "confine\nconfine(xacro, s, Files(Path('x/robot.xacro'), Packages()))\nanswers = []\nfor "
+        "text in json.load(sys.stdin):\n    try: answers.append(repr(xacro.safe_eval(text, "
+        "xacro.Table(xacro._global_symbols))))\n    except (ValueError, NameError, AttributeError, "
+        "TypeError): answers.append('')\nprint(json.dumps(answers))"
     )
     run = subprocess.run(
         [sys.executable, "-c", program],

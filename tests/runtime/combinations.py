@@ -87,22 +87,13 @@ FEATURES: dict[str, tuple[str, ...]] = {
     "momentum": ("--settings", "regressor=momentum"),
     "energy": ("--settings", "regressor=energy"),
     "delay auto": ("--delay", "auto"),
-    "encoder bias": (
-        "--settings",
-        "encoder_bias=true",
-    ),
+    "encoder bias": ("--settings", "encoder_bias=true"),
     "symmetric": ("--settings", "symmetric=left:right"),
     "tied": ("--settings", "symmetric=left:right", "--settings", "tie=true", "--delay", "auto"),
-    "robust": (
-        "--settings",
-        "robust=true",
-    ),
+    "robust": ("--settings", "robust=true"),
     "prior": ("--prior", "arm.toml"),
     "known payload": ("--settings", "payload_of=two.npz=payload.json"),
-    "statistics for fleet": (
-        "--settings",
-        "save_statistics=true",
-    ),
+    "statistics for fleet": ("--settings", "save_statistics=true"),
 }
 """Feature of identify → its options."""
 AFTERWARDS: dict[str, tuple[str, ...]] = {
@@ -115,7 +106,6 @@ AFTERWARDS: dict[str, tuple[str, ...]] = {
     "rerun": ("rerun", "OUT"),
 }
 """Command that follows → its words; LOG is the log itself, OUT the folder of the result."""
-
 
 REASONS = {
     "a": ("one by one|samples of one run|sample by sample", "filters, nets and mini-batches take "

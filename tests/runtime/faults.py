@@ -233,9 +233,7 @@ FAULTS = (
         "positions and velocities of two joints swapped",
         ("position_order",),
         lambda arm: _changed(
-            arm,
-            q=_swapped(arm, arm.log.arrays["q"]),
-            dq=_swapped(arm, arm.log.arrays["dq"]),
+            arm, q=_swapped(arm, arm.log.arrays["q"]), dq=_swapped(arm, arm.log.arrays["dq"])
         ),
         _names_pair,
     ),
@@ -282,9 +280,7 @@ FAULTS = (
         "positions and velocities in degrees",
         ("position_unit",),
         lambda arm: _changed(
-            arm,
-            q=np.degrees(arm.log.arrays["q"]),
-            dq=np.degrees(arm.log.arrays["dq"]),
+            arm, q=np.degrees(arm.log.arrays["q"]), dq=np.degrees(arm.log.arrays["dq"])
         ),
     ),
     Fault("clock in ms", ("time_unit",), lambda arm: _changed(arm, t=1e3 * arm.log.arrays["t"])),

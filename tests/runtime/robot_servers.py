@@ -135,13 +135,7 @@ def ur_rtde(arm: Arm, gains: np.ndarray) -> dict[str, ModuleType]:
             arm.time += arm.period
 
         def servoJ(
-            self,
-            arg0: list[float],
-            arg1: float,
-            arg2: float,
-            arg3: float,
-            arg4: float,
-            arg5: float,
+            self, arg0: list[float], arg1: float, arg2: float, arg3: float, arg4: float, arg5: float
         ) -> bool:
             if not (arg3 > 0 and 0.03 <= arg4 <= 0.2 and 100 <= arg5 <= 2000):
                 raise ValueError("servoJ: time, lookahead_time or gain out of range")

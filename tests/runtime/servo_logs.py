@@ -92,11 +92,7 @@ def servo_arrays(
         angle = w * at + phase[:, :, None]
         wave = size[:, :, None] * np.cos(angle)
         slope = -size[:, :, None] * w * np.sin(angle)
-        return (
-            (middle[:, None] + wave.sum(0)).T,
-            slope.sum(0).T,
-            -(w**2 * wave).sum(0).T,
-        )
+        return ((middle[:, None] + wave.sum(0)).T, slope.sum(0).T, -(w**2 * wave).sum(0).T)
 
     def required(at: Array) -> Array:
         q, dq, ddq = motion(at)

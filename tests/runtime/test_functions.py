@@ -59,10 +59,7 @@ def test_keywords_are_the_fields(record: type, keywords: type) -> None:
     ("call", "sentence"),
     [
         (lambda lib, _: runtime.inspect(3, lib), "file or folder of a log, got 3"),
-        (
-            lambda _, log: runtime.inspect(log, "fr3"),
-            "a library, as runtime.load gives it",
-        ),
+        (lambda _, log: runtime.inspect(log, "fr3"), "a library, as runtime.load gives it"),
         (lambda lib, _: runtime.identify("log.csv", lib), "a log, as runtime.read_recording gives"),
         (lambda _, log: runtime.identify(log, "fr3"), "a library, as runtime.load gives it"),
         (lambda lib, log: runtime.evaluate(3, log, lib), "a result of runtime.identify or"),

@@ -78,10 +78,6 @@ def assert_accepted(
     if compiler is None:
         pytest.skip(f"no {' or '.join(tools)} on the PATH")
     run = subprocess.run(
-        [compiler, "-fsyntax-only", *words],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
+        [compiler, "-fsyntax-only", *words], cwd=folder, capture_output=True, text=True, check=False
     )
     assert run.returncode == 0, run.stderr

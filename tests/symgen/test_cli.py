@@ -92,11 +92,7 @@ def test_malformed_urdf(
     ],
 )
 def test_bad_options(
-    arguments: list[str],
-    message: str,
-    tiny: Path,
-    urdf: Path,
-    capsys: pytest.CaptureFixture[str],
+    arguments: list[str], message: str, tiny: Path, urdf: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Property: exit 2, and the sentence names the option and the value."""
     name = [] if "--name" in arguments else ["--name", "own"]
@@ -169,13 +165,7 @@ def test_build_says_what_happened(
     for extra, state in (
         ((), "built"),
         ((), "up to date"),
-        (
-            (
-                "--settings",
-                "force=true",
-            ),
-            "built",
-        ),
+        (("--settings", "force=true"), "built"),
     ):
         code, out, _ = run(capsys, *build, *extra, "--out", tmp_path / "out")
         assert (code, out.strip()) == (0, f"{tmp_path / 'out' / 'own'}: {state}")

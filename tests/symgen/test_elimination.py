@@ -36,10 +36,7 @@ PATTERNS = [STAIRS, FORK, *(random_pattern(seed) for seed in range(30))]
 def test_stairs_do_not_fill_in():
     """Oracle, by hand: each column takes the rows above its step and all columns to the right."""
     panels = eliminate(STAIRS, 3)
-    assert panels == (
-        Panel(0, 1, (0,), (1, 2, 3)),
-        Panel(1, 2, (0, 1), (3,)),
-    )
+    assert panels == (Panel(0, 1, (0,), (1, 2, 3)), Panel(1, 2, (0, 1), (3,)))
     assert fill_in(STAIRS, panels) == []
 
 

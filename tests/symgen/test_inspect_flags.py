@@ -88,12 +88,7 @@ FLAGS = {
         "dense",
         "the mass lies in a plane, without any thickness",
     ),
-    "airy": (
-        arm([block(0.01, POINT, BRICK / 20)]),
-        "warning",
-        "airy",
-        "more than packing foam",
-    ),
+    "airy": (arm([block(0.01, POINT, BRICK / 20)]), "warning", "airy", "more than packing foam"),
     "outside": (arm([block(2.0, POINT + 1, BRICK)], {1: BOX}), "warning", "outside", "mm outside"),
     "placeholder": (
         arm([block(2.0, POINT, 0.01 * np.eye(3))]),
@@ -110,11 +105,7 @@ FLAGS = {
     "about the origin": (
         arm(
             [
-                block(
-                    2.0,
-                    c,
-                    solid(2.0, (0.1, 0.12, 0.2)) + steiner(2.0, c),
-                )
+                block(2.0, c, solid(2.0, (0.1, 0.12, 0.2)) + steiner(2.0, c))
                 for c in (POINT, POINT * [1, -1, 1], POINT * [-1, 1, 1.5])
             ]
         ),
@@ -160,12 +151,7 @@ FLAGS = {
         "degrees",
     ),
     "no effort": (arm([GOOD]).replace('effort="50"', 'effort="0"'), "warning", "limits", "is 0"),
-    "weak": (
-        arm([GOOD]).replace('effort="50"', 'effort="-5"'),
-        ERROR,
-        "limits",
-        "limit is -5",
-    ),
+    "weak": (arm([GOOD]).replace('effort="50"', 'effort="-5"'), ERROR, "limits", "limit is -5"),
     "drives": (
         arm([GOOD]).replace("</joint>", '<dynamics damping="-1" friction="0.1"/></joint>'),
         ERROR,

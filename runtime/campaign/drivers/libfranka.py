@@ -8,13 +8,7 @@ import time
 from typing import Any
 
 from runtime.campaign.driver import Driver, DriverMotion, NoSampleError, Reference, Sample
-from runtime.campaign.drivers import (
-    DriverKind,
-    DriverSettings,
-    imported,
-    require_address,
-    row_of,
-)
+from runtime.campaign.drivers import DriverKind, DriverSettings, imported, require_address, row_of
 from runtime.errors import SimulationError
 from runtime.library import Library
 

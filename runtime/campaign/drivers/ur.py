@@ -12,13 +12,7 @@ from typing import Any
 import numpy as np
 
 from runtime.campaign.driver import Driver, NoSampleError, Reference, Sample
-from runtime.campaign.drivers import (
-    DriverKind,
-    DriverSettings,
-    imported,
-    require_address,
-    row_of,
-)
+from runtime.campaign.drivers import DriverKind, DriverSettings, imported, require_address, row_of
 from runtime.errors import SimulationError
 from runtime.library import Array, Library
 

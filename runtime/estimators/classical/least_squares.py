@@ -198,10 +198,7 @@ def fit_wls(problem: Problem) -> Fit:
 
 
 def reweighted(
-    lib: Library,
-    samples: Samples,
-    terms: tuple[str, ...],
-    known: NDArray[np.bool_] | None = None,
+    lib: Library, samples: Samples, terms: tuple[str, ...], known: NDArray[np.bool_] | None = None
 ) -> tuple[Solution, Array, str]:
     """Solve by iteratively reweighted least squares.
 

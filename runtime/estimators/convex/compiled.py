@@ -109,11 +109,7 @@ def solve_many(
 
 
 def follow_compiled(
-    lib: Library,
-    data: Reduced,
-    prior: Prior,
-    shrink: float = SHRINK,
-    most_steps: int = PATIENCE,
+    lib: Library, data: Reduced, prior: Prior, shrink: float = SHRINK, most_steps: int = PATIENCE
 ) -> Path:
     """Follow a path by the compiled Newton method."""
     return follow_many(lib, [data], [prior], 1, shrink, most_steps)[0]

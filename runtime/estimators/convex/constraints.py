@@ -111,13 +111,7 @@ def _inside(constraints: Constraints, prior: Prior, whiten: Array) -> Array:
         np.hstack([-cone, room[:, None], zero((len(cone), 1))]),
     ]
     at = prior.centre
-    sides = [
-        (e_value - e @ at) / length,
-        (limit - a @ at) / scale,
-        [ROOM],
-        zero(size + 1),
-        room,
-    ]
+    sides = [(e_value - e @ at) / length, (limit - a @ at) / scale, [ROOM], zero(size + 1), room]
     bodies = size // N_PARAMETERS
     cones = [
         clarabel.ZeroConeT(len(e)),

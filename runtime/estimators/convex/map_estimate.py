@@ -17,13 +17,7 @@ from runtime.estimators.convex.constraints import Constraints, constrained
 from runtime.estimators.convex.eliminate_friction import reduce
 from runtime.estimators.convex.entropic_prior import CAD, Prior
 from runtime.estimators.convex.newton import Minimum, convex_problem
-from runtime.estimators.friction_bounds import (
-    Bounds,
-    Held,
-    bounds_of,
-    notes_of,
-    within_bounds,
-)
+from runtime.estimators.friction_bounds import Bounds, Held, bounds_of, notes_of, within_bounds
 from runtime.estimators.methods import Method
 from runtime.estimators.prior_file import PriorFile, prior_about
 from runtime.estimators.problem import Fit, Problem
@@ -33,9 +27,7 @@ from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.samples import Samples, inflation, noise, residuals, weights_from
 from runtime.library import Array, Library
 
-__all__ = [
-    "fit_map",
-]
+__all__ = ["fit_map"]
 
 PASSES = 3
 """Re-estimations of the weights."""

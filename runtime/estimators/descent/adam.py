@@ -24,10 +24,7 @@ from runtime.estimators.regression.compression import CompressedObjective, Torqu
 from runtime.library import Array
 from runtime.library.compiled_descent import AdamProblem, CompiledAdam
 
-__all__ = [
-    "Preset",
-    "Watch",
-]
+__all__ = ["Preset", "Watch"]
 
 CHUNK = 500
 """Iterations between two reports of progress and checks for Ctrl-C."""

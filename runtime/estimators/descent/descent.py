@@ -16,12 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.estimators.optimizers import (
-    LevenbergOptions,
-    Outcome,
-    Status,
-    trace_of,
-)
+from runtime.estimators.optimizers import LevenbergOptions, Outcome, Status, trace_of
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.compression import TorqueObjective
 from runtime.estimators.regression.factor import Statistics

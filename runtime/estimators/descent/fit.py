@@ -29,13 +29,7 @@ from runtime.estimators.problem import Fit, Problem, best_friction, in_unit, mas
 from runtime.estimators.regression.compression import TorqueObjective
 from runtime.library import Array, Library
 
-__all__ = [
-    "PRESETS",
-    "fit_levenberg",
-    "fit_many",
-    "fit_of",
-    "start_of",
-]
+__all__ = ["PRESETS", "fit_levenberg", "fit_many", "fit_of", "start_of"]
 
 PRESETS = {
     "simulation": Preset(AdamOptions(1e-3), StoppingRule(1500, 25), 64),

@@ -54,9 +54,7 @@ from runtime.simulation import Controller, Plant, sample_times
 from runtime.simulation.closed_loop import follow
 from runtime.simulation.plant import per_joint
 
-__all__ = [
-    "ClosedLoop",
-]
+__all__ = ["ClosedLoop"]
 
 CONVERGED = 1e-3
 """Relative step of the normalised unknowns at which both methods stop."""
@@ -69,7 +67,6 @@ an estimate by instruments is rejected."""
 _BLOCK = 4096
 """Samples whose regressor is held at a time."""
 _SIMULATED = names_where(lambda column: column.in_closed_loop)
-
 
 _NotNegative = Annotated[float, Meta(ge=0)]
 _PerJoint = Annotated[

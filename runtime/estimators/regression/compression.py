@@ -22,9 +22,7 @@ from runtime.estimators.regression.samples import THESIS_SIGMA, Samples
 from runtime.library import Array, Library
 from runtime.recording import friction
 
-__all__ = [
-    "TorqueObjective",
-]
+__all__ = ["TorqueObjective"]
 
 TOGETHER = 16
 """Number of factors that are collected before they are joined."""

@@ -48,11 +48,7 @@ class ModelError:
 
 
 def model_error_of(
-    lib: Library,
-    fit: FreeFit | None,
-    pi: Array,
-    statistics: Statistics,
-    gain_sigma: float = 0.0,
+    lib: Library, fit: FreeFit | None, pi: Array, statistics: Statistics, gain_sigma: float = 0.0
 ) -> ModelError:
     """Error of the model in the information of a fit, from a free fit to some of its samples.
 

@@ -12,12 +12,7 @@ from runtime.excitation.limits.distance_limits import (
     TipBox,
     TipSpeed,
 )
-from runtime.excitation.limits.nonlinear_limits import (
-    Braking,
-    Constraint,
-    Side,
-    TimedConstraint,
-)
+from runtime.excitation.limits.nonlinear_limits import Braking, Constraint, Side, TimedConstraint
 from runtime.excitation.limits.obstacles import ObstacleClearance, capsule_around
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.limits.torque_limits import ModelBand, Torque, TorqueRate, known_torque_of

@@ -175,7 +175,6 @@ def _waves(orders: int, w: Array, s: Array, sine: int) -> Array:
 COSINE_FAMILY = BasisFamily("cosine", "cosines, out and back, the document's", Cosine)
 FOURIER_FAMILY = BasisFamily("fourier", "cosines and sines", Fourier)
 
-
 GAP = 1e-6
 """Largest distance between the end of a motion and the start of the next [rad, m]."""
 WAYS = ("approach", "return")

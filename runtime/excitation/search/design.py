@@ -38,11 +38,7 @@ from runtime.errors import IdentificationError
 from runtime.excitation.limits.safety import Safety, unchecked
 from runtime.excitation.motion.trajectory import Trajectory
 from runtime.excitation.search.condition_cost import INFORMED_SAMPLES, ConditionCost
-from runtime.excitation.search.design_settings import (
-    DesignKeywords,
-    DesignSettings,
-    settings_from,
-)
+from runtime.excitation.search.design_settings import DesignKeywords, DesignSettings, settings_from
 from runtime.excitation.search.finish import Finished, finished
 from runtime.excitation.search.information import Information, in_time, projected
 from runtime.excitation.search.measures import covariance
@@ -81,12 +77,7 @@ def side_by_side(sent: Sent, rounds: Rounds, processes: int) -> Generator[Starte
     """
     context = _Spawning()
     with _safe_path():
-        pool = ProcessPoolExecutor(
-            processes,
-            context,
-            initializer=_prepare,
-            initargs=(sent,),
-        )
+        pool = ProcessPoolExecutor(processes, context, initializer=_prepare, initargs=(sent,))
     waiting: set[Future[Started]] = set()
     try:
         for tasks in rounds:
@@ -395,10 +386,7 @@ def design_several(
     designs: list[Design] = []
     for k in range(count):
         one = replace(
-            settings,
-            duration=settings.duration / count,
-            seed=settings.seed + k,
-            information=known,
+            settings, duration=settings.duration / count, seed=settings.seed + k, information=known
         )
         designs.append(design(lib, one, **search))
         known = with_motion(lib, designs[-1].trajectory, known)

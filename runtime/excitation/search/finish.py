@@ -17,9 +17,7 @@ from runtime.excitation.motion.trajectory import Trajectory
 from runtime.excitation.search.single_start import Search
 from runtime.library import Array, Library
 
-__all__ = [
-    "repaired",
-]
+__all__ = ["repaired"]
 
 STEP = 1e-3
 """Step of the grid on which the limits hold, s."""

@@ -72,10 +72,7 @@ class Prediction:
 
 
 def predict(
-    lib: Library,
-    trajectory: Trajectory,
-    known: Information,
-    names: tuple[str, ...] = FRICTION,
+    lib: Library, trajectory: Trajectory, known: Information, names: tuple[str, ...] = FRICTION
 ) -> Prediction:
     """Expected accuracy of a motion."""
     joints = [_reduced(one, known) for one in unseen_joints(lib, trajectory.home)]
@@ -154,11 +151,7 @@ def _reduced(matrix: Array, known: Information) -> Array:
 
 
 def _gram(
-    lib: Library,
-    trajectory: Trajectory,
-    known: Information,
-    names: tuple[str, ...],
-    samples: int,
+    lib: Library, trajectory: Trajectory, known: Information, names: tuple[str, ...], samples: int
 ) -> tuple[Array, float]:
     """Information over [unknowns, friction] and cond of these columns."""
     t = np.linspace(0.0, trajectory.duration, samples)

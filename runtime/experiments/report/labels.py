@@ -192,10 +192,7 @@ def _turned(table: Table) -> Table:
     """Transposed table with a row per method, which can be sorted by any metric."""
     lines = tuple(zip(table.header, *table.rows, strict=True))
     return Table(
-        ("method", *lines[0][1:]),
-        lines[1:],
-        kind=table.kind,
-        row_methods=table.column_methods[1:],
+        ("method", *lines[0][1:]), lines[1:], kind=table.kind, row_methods=table.column_methods[1:]
     )
 
 

@@ -17,15 +17,7 @@ import numpy as np
 from runtime.common.files import json_of, require_file, sha256_of
 from runtime.common.records import record_from_table
 from runtime.errors import RecordingError, RuntimeFault
-from runtime.experiments.storage import (
-    CONFIG,
-    HASH,
-    QUARTILES,
-    RESULT,
-    SERIES,
-    TRIALS,
-    arrow,
-)
+from runtime.experiments.storage import CONFIG, HASH, QUARTILES, RESULT, SERIES, TRIALS, arrow
 from runtime.experiments.study import FORMAT, View
 from runtime.library import Array
 from runtime.recording.formats.npz import open_npz

@@ -12,13 +12,7 @@ import numpy as np
 from runtime.estimators.literature.iv_didim import ClosedLoop
 from runtime.estimators.methods import METHODS
 from runtime.experiments.study import TORQUE, Arrays, Row, Study, StudyOutcome, View
-from runtime.experiments.trials import (
-    designed,
-    document_robot,
-    per_joint,
-    stream,
-    torque_rms,
-)
+from runtime.experiments.trials import designed, document_robot, per_joint, stream, torque_rms
 from runtime.identification.comparison.run import Figures, TrueParameters, compare
 from runtime.identification.problem_setup import Assembly, assemble
 from runtime.library import Array, Library

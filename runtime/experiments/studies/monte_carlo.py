@@ -182,7 +182,6 @@ IDEAL = monte_carlo(
 )
 """Sec. 5.1.1: noise-free data, three perturbations of the initial guess."""
 
-
 SEVERE, THIRD = 0.1, 2
 """Noise [N·m] and trial of Fig. 5.4, or the last trial where there are fewer."""
 WORST = f"sigma={SEVERE:g}"
@@ -239,7 +238,6 @@ NOISE = monte_carlo(
 )
 """Sec. 5.1.3: noise on the torque of training and validation, p = 0.15."""
 
-
 SINES_CASES = {
     Case("sinusoidal", 0.15, training="sinusoidal"): "trained on sines of 2 rad/s",
     Case("optimised", 0.15): "trained on the best design",
@@ -290,7 +288,6 @@ SINES = monte_carlo(
     prepare=_sines_prepare,
 )
 """Sec. 5.1.2: training on sines or on the designed motion, p = 0.15, noise-free."""
-
 
 DESIGNS = 20
 """Number of designs; their seeds are the numbers from `DesignsConfig.seed` · 20 on."""

@@ -42,17 +42,7 @@ __all__ = [
 ]
 
 RAN, NOT_RUN, FAILED = "ran", "not run", "failed"
-HEAD = (
-    "method",
-    "error %",
-    "worst RMS",
-    "base %",
-    "s",
-    "steps",
-    "λ_min/tr",
-    "gap %",
-    "status",
-)
+HEAD = ("method", "error %", "worst RMS", "base %", "s", "steps", "λ_min/tr", "gap %", "status")
 
 
 @dataclass(frozen=True, slots=True)

@@ -209,11 +209,7 @@ def _taken(count: int, rough: bool) -> NDArray[np.int64]:
     return np.concatenate([np.arange(start, start + length) for start in starts])
 
 
-def feedback_torque(
-    result: Identification,
-    delay: Array,
-    request: DriveRequest,
-) -> Array | None:
+def feedback_torque(result: Identification, delay: Array, request: DriveRequest) -> Array | None:
     """The torque c that is subtracted from that of the training rows.
 
     delay (1,) [s] → (N, n) [N·m, N].

@@ -212,13 +212,7 @@ def facts(sigma: Expected, lib: Library, payload_only: bool = False) -> dict[str
             payload["mass_of_arm_error"] = float(mass(sigma.payload_of_arm))
     if payload_only:
         return {"payload": payload}
-    rows = zip(
-        lib.link_names,
-        links(sigma.pi),
-        sigma.com,
-        links(sigma.share),
-        strict=True,
-    )
+    rows = zip(lib.link_names, links(sigma.pi), sigma.com, links(sigma.share), strict=True)
     return {
         "base_parameters": {
             "names": list(base_names(lib)),

@@ -99,10 +99,7 @@ def planned_recording(trajectory: Trajectory, t: Array, lib: Library, name: str)
 
 
 def motion_samples_of(
-    recording: Recording,
-    lib: Library,
-    preparation: Preparation | None,
-    terms: Friction,
+    recording: Recording, lib: Library, preparation: Preparation | None, terms: Friction
 ) -> MotionSamples:
     """Samples of a recording, prepared as for identification; its torque may be missing."""
     measured = recording.tau is not None and bool(recording.tau.any())

@@ -33,10 +33,7 @@ def column_faults(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[F
 
 
 def _finding(
-    fault: ColumnFault,
-    rivals: tuple[ColumnFault, ...],
-    seen: ColumnFaults,
-    names: tuple[str, ...],
+    fault: ColumnFault, rivals: tuple[ColumnFault, ...], seen: ColumnFaults, names: tuple[str, ...]
 ) -> Finding:
     """The finding of one fault, with others that explain nearly as much."""
     before, after = (np.nanmean(left[list(fault.joints)]) for left in seen.left)

@@ -180,9 +180,6 @@ def vendor_torque(plan: Recipe, lib: Library, is_drafted: bool) -> tuple[Recipe,
     evidence = {"vendor": known.vendor, "signal": known.title, "meaning": known.meaning}
     return plan, [
         Finding(
-            "vendor_signal",
-            level,
-            f"{known.vendor}: '{known.title}' is {known.sentence}",
-            evidence,
+            "vendor_signal", level, f"{known.vendor}: '{known.title}' is {known.sentence}", evidence
         )
     ]

@@ -17,11 +17,7 @@ from runtime.outputs.model_files.drives import drives_of
 from runtime.outputs.model_files.engines import mujoco, pinocchio
 from runtime.outputs.model_files.engines.answer import Unreadable
 from runtime.outputs.model_files.export import Exported, export_model
-from runtime.outputs.model_files.export_format import (
-    EXPORT_FORMATS,
-    require_base,
-    usual_formats,
-)
+from runtime.outputs.model_files.export_format import EXPORT_FORMATS, require_base, usual_formats
 from runtime.outputs.model_files.model import IdentifiedModel, make_model, require_consistent
 
 STATES = 20

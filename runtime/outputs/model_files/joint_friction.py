@@ -81,9 +81,4 @@ def joint_friction(lib: Library, terms: Friction | None, phi: Array | None) -> J
         if DAHL.name in terms.columns:
             kind = f"with a memory of {terms.dahl_stroke:.3g} rad or m of travel"
         notes.append(f"dry friction was identified {kind}; simulators use it for stiction as well")
-    return JointFriction(
-        **values,
-        notes=tuple(notes),
-        terms=terms,
-        values=phi,
-    )
+    return JointFriction(**values, notes=tuple(notes), terms=terms, values=phi)

@@ -47,7 +47,6 @@ INK, GREY, PALE = "#222222", "#BBBBBB", "#E4E4E4"
 CYCLE = (BLUE, ORANGE, GREEN, VERMILION, SKY, PURPLE, GREY)
 """Colours of lines in one panel, in order."""
 
-
 PAGE_INK, PAGE_LINE = "#010203", "#010204"
 MEASURED, BEFORE, AFTER = "#010205", "#010206", "#010207"
 """Placeholder colours of figures of a page."""

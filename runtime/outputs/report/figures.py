@@ -27,7 +27,6 @@ Array = NDArray[np.float64]
 POINTS, PANEL_POINTS = 6000, 1200
 """Largest number of points of a trace over the whole page, and over a part of its width."""
 
-
 CURVES = (("measured", MEASURED), ("predicted before", BEFORE), ("predicted after", AFTER))
 """Label and colour of the torques."""
 

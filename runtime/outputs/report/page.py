@@ -20,12 +20,7 @@ from markupsafe import Markup
 from runtime.common.files import replacing
 from runtime.common.tables import Table
 
-__all__ = [
-    "Page",
-    "Section",
-    "Tile",
-    "write_page",
-]
+__all__ = ["Page", "Section", "Tile", "write_page"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,6 @@ FORMATS = Registry(
 )
 """All log formats; a package adds one by an entry point of the group "symgen.log_formats"."""
 
-
 FOLDERS = {"lerobot": "meta/info.json", "bag": "metadata.yaml"}
 """File that makes a folder one log, by the format of this package; known without its import."""
 

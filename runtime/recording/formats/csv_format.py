@@ -199,8 +199,5 @@ CSV = LogFormat(
     has_titles=True,
 )
 FLAT = LogFormat(
-    name="flat",
-    sentence="text with one number per line",
-    suffixes=(),
-    reader=FlatReader,
+    name="flat", sentence="text with one number per line", suffixes=(), reader=FlatReader
 )

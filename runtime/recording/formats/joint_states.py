@@ -264,12 +264,7 @@ def read_joint_states(
     return replace(log, names=robot) if robot and names == wanted else log
 
 
-def _topic(
-    name: str,
-    topic: str,
-    topics: dict[str, Topic],
-    wanted: tuple[str, ...],
-) -> str:
+def _topic(name: str, topic: str, topics: dict[str, Topic], wanted: tuple[str, ...]) -> str:
     """The requested topic, or the only one with the joints."""
     if not topics or (topic and not topics.get(topic)):
         expected = f"the topic {topic!r}" if topic else "JointState"

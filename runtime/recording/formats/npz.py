@@ -20,9 +20,7 @@ from runtime.common.records import Record, record_from_table
 from runtime.errors import RecordingError
 from runtime.recording.formats.tables import EXPANSION, SLACK, FloatArray, LogTable, common_count
 
-__all__ = [
-    "open_npz",
-]
+__all__ = ["open_npz"]
 
 MOST_TEXTS = 10_000
 """Largest number of texts in an array of an NPZ that is read."""

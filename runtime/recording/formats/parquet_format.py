@@ -26,9 +26,7 @@ from runtime.recording.recipes.default_convention import (
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 from runtime.recording.recording import Recording
 
-__all__ = [
-    "rows_of",
-]
+__all__ = ["rows_of"]
 
 BATCH = 65536
 

@@ -247,12 +247,7 @@ ROTOR = FrictionColumn(
     model_term="armature",
 )
 MOTOR_VISCOUS = FrictionColumn(
-    "motor_viscous",
-    "R̂ dq",
-    _motor_viscous,
-    is_linear=True,
-    is_nonnegative=True,
-    of_motors=True,
+    "motor_viscous", "R̂ dq", _motor_viscous, is_linear=True, is_nonnegative=True, of_motors=True
 )
 MOTOR_COULOMB = FrictionColumn(
     "motor_coulomb",

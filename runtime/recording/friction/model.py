@@ -22,21 +22,10 @@ from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
 from runtime.library import Library
-from runtime.recording.friction.coupled_motors import (
-    Coupling,
-    directions,
-    geared,
-    shape_of,
-)
+from runtime.recording.friction.coupled_motors import Coupling, directions, geared, shape_of
 from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.recording import DERIVED, Recording
-from runtime.recording.settings import (
-    COLUMNS,
-    FloatArray,
-    Friction,
-    JointMotion,
-    signals_for,
-)
+from runtime.recording.settings import COLUMNS, FloatArray, Friction, JointMotion, signals_for
 
 DRIVE = ("viscous", "coulomb", "offset", "rotor")
 """Names of the columns of one drive."""
@@ -157,10 +146,7 @@ def torque(columns: FloatArray, phi: FloatArray, coupling: Coupling | None = Non
 
 
 def add_columns(
-    recording: Recording,
-    *terms: Friction,
-    lib: Library | None = None,
-    linear_later: bool = False,
+    recording: Recording, *terms: Friction, lib: Library | None = None, linear_later: bool = False
 ) -> Recording:
     """The recording with the friction columns of its motion.
 

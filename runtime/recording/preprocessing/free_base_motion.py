@@ -30,12 +30,7 @@ from runtime.recording.free_base import Contacts, FreeBaseRecording
 from runtime.recording.friction import COLUMNS, JointMotion
 from runtime.recording.friction import columns as friction_columns
 from runtime.recording.preprocessing.filters import lagged, low_pass
-from runtime.recording.preprocessing.segments import (
-    differentiate,
-    holes,
-    interpolate,
-    resample,
-)
+from runtime.recording.preprocessing.segments import differentiate, holes, interpolate, resample
 from runtime.recording.recording import FloatArray, Recording
 from runtime.recording.settings import Friction
 

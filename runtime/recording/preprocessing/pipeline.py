@@ -91,10 +91,7 @@ def prepare(
 
 
 def prepare_power(
-    recording: Recording,
-    preparation: Preparation | None = None,
-    *friction: Friction,
-    lib: Library,
+    recording: Recording, preparation: Preparation | None = None, *friction: Friction, lib: Library
 ) -> Recording:
     """Prepare rows of power: τ and the columns hold dq τ, the regressor is that of energy."""
     preparation = preparation or recording.preparation

@@ -101,10 +101,7 @@ def test_the_shortest_session(pendulum: Library) -> None:
     assert certificate_of(lib, found.design.trajectory, Safety()).holds
     # Ways bring seconds, and so a shorter motion or a smaller error.
     twice = error_parts_of(
-        lib,
-        JoinedMotion((found.design.trajectory,) * 2, ("approach", "motion")),
-        known,
-        error,
+        lib, JoinedMotion((found.design.trajectory,) * 2, ("approach", "motion")), known, error
     )
     size = size_of(lib, found.target, lib.home, error)
     assert twice.parts(size)[NOISE] == pytest.approx(found.parts[NOISE] / np.sqrt(2), rel=0.05)

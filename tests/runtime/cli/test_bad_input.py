@@ -300,7 +300,6 @@ OTHERS: dict[str, tuple[Case, str]] = {
     ),
 }
 
-
 CASES = [
     pytest.param(case, match, id=f"{room}: {name}")
     for room, table in {"log": LOGS, "option": OPTIONS, "robot": ROBOTS, "other": OTHERS}.items()

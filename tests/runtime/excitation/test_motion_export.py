@@ -199,10 +199,7 @@ def test_excite_asks_before_the_search(
     for options, sentence in (
         ((), "not checked: table; give --table Z for a table at this height or --table none, or "),
         (
-            (
-                "--settings",
-                "document=true",
-            ),
+            ("--settings", "document=true"),
             "not checked: torque, position-dependent velocity, torque rate",
         ),
         (("--table", "none"), "the search has begun"),

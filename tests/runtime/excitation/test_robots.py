@@ -135,13 +135,7 @@ def test_other_bases(command: Command, double: Library, basis: str) -> None:
     [
         (("--table", 0), "'double' has no collision proxies, so a table cannot be checked"),
         (("--settings", f"clearance={0.02}"), "so a clearance between its links cannot be checked"),
-        (
-            (
-                "--settings",
-                "payload_only=true",
-            ),
-            "excites 4 of 10 unknown columns",
-        ),
+        (("--settings", "payload_only=true"), "excites 4 of 10 unknown columns"),
     ],
 )
 def test_what_cannot_be_is_one_sentence(

@@ -17,14 +17,7 @@ import pytest
 
 from runtime.errors import RuntimeFault
 from runtime.experiments import IDS, STUDIES, Request, reproduce, state_of, study_of, valid_result
-from runtime.experiments.storage import (
-    NAME,
-    locked,
-    missing,
-    read_rows,
-    read_series,
-    write_rows,
-)
+from runtime.experiments.storage import NAME, locked, missing, read_rows, read_series, write_rows
 from runtime.experiments.study import Row
 from runtime.library import Library
 from tests.conftest import REPOSITORY

@@ -269,10 +269,7 @@ def test_wrenches_in_axes_of_the_world(hopper: Library, arrays: Arrays) -> None:
     """
     tau = arrays["tau"]
     arrays |= {"tau": tau + np.random.default_rng(0).normal(scale=0.01, size=tau.shape)}
-    world = arrays | {
-        "contact_wrench": in_world(arrays, hopper),
-        "contact_axes": np.array("world"),
-    }
+    world = arrays | {"contact_wrench": in_world(arrays, hopper), "contact_axes": np.array("world")}
     results = [
         identify_free_base(free_base_of(log, "log"), hopper, "all") for log in (arrays, world)
     ]

@@ -34,9 +34,8 @@ def test_further_logs_are_read_by_the_recipe_of_the_result(
     clock = '"t"' if header else 0
     columns = [*titles] if header else [*range(1, 2 * n + 1)]
     (tmp_path / "r.toml").write_text(
-        f"leave_out = [[1.0, 1.5]]\n[time]\ncolumn = {clock}\nunit = 's'\n"
-        f"[position]\ncolumns = {columns[:n]}\nunit = 'deg'\n"
-        f"[torque]\ncolumns = {columns[n:]}\nunit = 'N*m'\nsign = -1\n"
+        f"leave_out = [[1.0, 1.5]]\n[time]\ncolumn = {clock}\nunit = 's'\n[position]\ncolumns = "
+        f"{columns[:n]}\nunit = 'deg'\n[torque]\ncolumns = {columns[n:]}\nunit = 'N*m'\nsign = -1\n"
     )
     first = read_recording(tmp_path / "raw.csv", tmp_path / "r.toml")
     preparation = Preparation(filter="butterworth", cutoff_hz=10.0)

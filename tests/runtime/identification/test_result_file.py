@@ -13,10 +13,7 @@ from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification.identified import friction_error
 from runtime.identification.metrics import torque_error
-from runtime.identification.result_file import (
-    record_of,
-    write_result,
-)
+from runtime.identification.result_file import record_of, write_result
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 

@@ -44,9 +44,7 @@ def test_every_setting_is_documented() -> None:
 
 @pytest.mark.parametrize(
     ("keywords", "match"),
-    [
-        ({"cut_off": 3.0}, r"expected settings of method, preset, .*, got 'cut_off'; correct"),
-    ],
+    [({"cut_off": 3.0}, r"expected settings of method, preset, .*, got 'cut_off'; correct")],
 )
 def test_unknown_keywords_are_refused(keywords: dict[str, object], match: str) -> None:
     """Property: one sentence with the names that there are."""

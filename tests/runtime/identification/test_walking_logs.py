@@ -21,10 +21,7 @@ def test_feet_out_of_reach_are_refused() -> None:
 
 @pytest.mark.parametrize(
     ("path", "gait"),
-    [
-        ("go2_description/urdf/go2.urdf", GO2),
-        ("g1_description/urdf/g1_29dof_rev_1_0.urdf", G1),
-    ],
+    [("go2_description/urdf/go2.urdf", GO2), ("g1_description/urdf/g1_29dof_rev_1_0.urdf", G1)],
 )
 def test_feet_on_the_ground_stand_still(path: str, gait: Gait) -> None:
     """Oracle: Pinocchio's kinematics of the logged encoders and attitude."""

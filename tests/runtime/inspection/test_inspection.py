@@ -33,12 +33,7 @@ def test_real_logs_with_their_recipes_are_clean(robot, shared_data: Path, name, 
 
 @pytest.mark.parametrize(
     "changed",
-    [
-        *({"rows": rows} for rows in (1, 2, 5, 20, 60)),
-        {"tau": 0.0},
-        {"q": 1e6},
-        {"t": 0.0},
-    ],
+    [*({"rows": rows} for rows in (1, 2, 5, 20, 60)), {"tau": 0.0}, {"q": 1e6}, {"t": 0.0}],
     ids=str,
 )
 def test_absurd_logs_are_sentences(lib, clean, saved, tmp_path, changed) -> None:

@@ -5,12 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime.errors import (
-    IdentificationError,
-    PostureError,
-    RecordingError,
-    ShapeError,
-)
+from runtime.errors import IdentificationError, PostureError, RecordingError, ShapeError
 from runtime.excitation import Trajectory
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library

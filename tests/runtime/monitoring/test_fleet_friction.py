@@ -23,10 +23,7 @@ stribeck = [0.0, 0.1]
 
 @pytest.mark.parametrize(
     ("words", "columns"),
-    [
-        ((), ["viscous", "coulomb", "stribeck"]),
-        (("--friction", "viscous"), ["viscous"]),
-    ],
+    [((), ["viscous", "coulomb", "stribeck"]), (("--friction", "viscous"), ["viscous"])],
 )
 def test_the_friction_model_of_the_fleet_is_the_default(
     words: tuple[str, ...],

@@ -16,10 +16,7 @@ from runtime.library.parameters import links, mass
 from runtime.monitoring.fleet.fleet_prior import fit_friction, prior_text, write_prior
 from runtime.monitoring.fleet.hierarchy import fit_fleet
 from runtime.recording import Preparation
-from tests.runtime.monitoring.virtual_units import (
-    TERMS,
-    Fleet,
-)
+from tests.runtime.monitoring.virtual_units import TERMS, Fleet
 
 
 @pytest.mark.parametrize(

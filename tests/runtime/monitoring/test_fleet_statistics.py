@@ -22,10 +22,7 @@ from runtime.library import Library
 from runtime.monitoring.fleet import gather as room
 from runtime.monitoring.fleet.gather import Unit, gather, statistics_files, unit_of
 from tests.runtime.conftest import Command
-from tests.runtime.monitoring.virtual_units import (
-    TERMS,
-    Fleet,
-)
+from tests.runtime.monitoring.virtual_units import TERMS, Fleet
 
 
 class Killed(Exception):

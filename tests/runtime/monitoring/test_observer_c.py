@@ -14,12 +14,7 @@ from runtime.library import Library
 from runtime.monitoring.false_alarms import alarm_rate
 from runtime.monitoring.model import model_of
 from runtime.monitoring.noise import read_held_out
-from runtime.monitoring.observation import (
-    Detector,
-    detector_for,
-    observe,
-    prepared_for,
-)
+from runtime.monitoring.observation import Detector, detector_for, observe, prepared_for
 from runtime.monitoring.observer import ObserverSettings
 from runtime.outputs.observer_c import observer_c
 from runtime.recording import Friction

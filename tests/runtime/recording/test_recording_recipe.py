@@ -19,10 +19,7 @@ def test_recipe_with_a_rate_or_column_numbers(tmp_path):
     np.testing.assert_allclose(recording.t, 2 * t, atol=1e-12)
     assert recording.dq is None or any("0.5 at joint 1" in s for s in recording.history)
     bare = written(tmp_path, "started\n" + csv_text(t, q, dq).split("\n", 1)[1], "bare.csv")
-    table = {
-        "time": {"column": 0, "unit": "s"},
-        "position": {"columns": [2, 1], "unit": "rad"},
-    }
+    table = {"time": {"column": 0, "unit": "s"}, "position": {"columns": [2, 1], "unit": "rad"}}
     swapped = read_recording(bare, recipe_from_table(table))
     assert np.array_equal(swapped.q, q[:, ::-1])
     assert swapped.recipe is not None

@@ -212,8 +212,7 @@ def test_a_robot_too_far_from_the_model_diverges(
 
 
 @pytest.mark.parametrize(
-    "field",
-    ["viscous", "coulomb", "rotor", "position_noise", "velocity_noise", "torque_noise"],
+    "field", ["viscous", "coulomb", "rotor", "position_noise", "velocity_noise", "torque_noise"]
 )
 @pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf")])
 def test_impossible_plants_are_refused(lib: Library, field: str, value: float) -> None:

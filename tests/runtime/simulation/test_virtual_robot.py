@@ -229,10 +229,7 @@ def test_the_command_writes_a_log_like_a_real_one(
             ("--engine", "compiled", "--settings", "truth_seed=1"),
             "the setting truth_seed belongs to the engine 'mujo",
         ),
-        (
-            ("--settings", "virtual_robot=none.toml"),
-            "'none.toml' cannot be read .* one: fr3",
-        ),
+        (("--settings", "virtual_robot=none.toml"), "'none.toml' cannot be read .* one: fr3"),
         (("--payload", "60,0,0,0.3"), "lost its trajectory"),
     ],
 )
@@ -254,11 +251,7 @@ def test_commands_that_are_refused(
 
 
 def test_ctrl_c_leaves_nothing(
-    command: Command,
-    lib: Library,
-    motion: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    command: Command, lib: Library, motion: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Property: an interrupt while the arm moves leaves no file, whole or half."""
 

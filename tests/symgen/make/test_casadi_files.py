@@ -50,10 +50,7 @@ def test_both_files_equal_the_kernels(
         "mass_matrix": ((q, pi), lib.mass_matrix(q, pi)),
         "bias_forces": ((q, dq, pi), lib.bias_forces(q, dq, pi)),
         "gravity": ((q, pi), lib.bias_forces(q, 0 * dq, pi)),
-        "forward_dynamics": (
-            (q, dq, tau, pi, rotor),
-            lib.forward_dynamics(q, dq, tau, pi, rotor),
-        ),
+        "forward_dynamics": ((q, dq, tau, pi, rotor), lib.forward_dynamics(q, dq, tau, pi, rotor)),
         "end_effector": ((q,), lib.end_effector(q)),
     }
     for name, (given, expected) in cases.items():

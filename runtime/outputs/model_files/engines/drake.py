@@ -42,12 +42,7 @@ def reload(text: str, lib: Library) -> Reloaded | None:
         plant.CalcForceElementsContribution(context, forces)
         tau[k] = plant.CalcInverseDynamics(context, ddq, forces)[at]
     damping = np.array([joint.default_damping_vector()[0] for joint in joints])
-    return Reloaded(
-        engine,
-        tau - damping * states[1],
-        _parameters(plant, lib),
-        damping=damping,
-    )
+    return Reloaded(engine, tau - damping * states[1], _parameters(plant, lib), damping=damping)
 
 
 def _scattered(values: Array, at: list[int]) -> Array:

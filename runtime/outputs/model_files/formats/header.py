@@ -29,11 +29,7 @@ from runtime.outputs.model_files.reload_check import (
 def header_arrays(model: IdentifiedModel) -> dict[str, Array]:
     """π (10 n,), λ (10 n,), β (b,) and, where known, φ (n, k), by the suffix of their C name."""
     lib = model.lib
-    arrays = {
-        "pi": model.pi,
-        "lam": lib.lam_from_pi(model.pi),
-        "beta": lib.base_matrix @ model.pi,
-    }
+    arrays = {"pi": model.pi, "lam": lib.lam_from_pi(model.pi), "beta": lib.base_matrix @ model.pi}
     if model.friction.values is not None:
         arrays["friction"] = model.friction.values
     return arrays

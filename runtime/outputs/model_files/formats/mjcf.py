@@ -102,9 +102,7 @@ def mjcf_text(model: IdentifiedModel) -> str:
     lib, tree = model.lib, model.tree
     root = Element("mujoco", {"model": lib.name})
     SubElement(
-        root,
-        "compiler",
-        {"angle": "radian", "autolimits": "false", "inertiafromgeom": "false"},
+        root, "compiler", {"angle": "radian", "autolimits": "false", "inertiafromgeom": "false"}
     )
     SubElement(root, "option", {"gravity": row(lib.gravity)})
     world = SubElement(root, "worldbody")
@@ -156,10 +154,7 @@ def _descend(model: IdentifiedModel, parent: Element, link: str) -> None:
 def _body(model: IdentifiedModel, parent: Element, link: str, edge: Edge | None) -> Element:
     body = SubElement(parent, "body", {"name": link})
     if edge is not None:
-        body.attrib |= {
-            "pos": row(edge.placement[:3, 3]),
-            "quat": row(quaternion(edge.placement)),
-        }
+        body.attrib |= {"pos": row(edge.placement[:3, 3]), "quat": row(quaternion(edge.placement))}
     matter = model.bodies.by_link.get(link)
     if matter is not None and matter.mass > 0:
         SubElement(body, "inertial", _inertial(matter))
@@ -203,10 +198,7 @@ def _capsules(model: IdentifiedModel, body: Element, link: str) -> None:
             shape = (
                 {"type": "sphere", "pos": row(ends[:3])}
                 if is_ball
-                else {
-                    "type": "capsule",
-                    "fromto": row(ends),
-                }
+                else {"type": "capsule", "fromto": row(ends)}
             )
             rest = {"size": digits(proxy.radius), "contype": "0", "conaffinity": "0"}
             SubElement(body, "geom", {"name": proxy.name, **shape, **rest, "group": "2"})

@@ -12,11 +12,7 @@ from runtime.library import Array
 from runtime.outputs.model_files.bodies import RigidBody, digits, quaternion, row
 from runtime.outputs.model_files.engines import drake
 from runtime.outputs.model_files.export_format import ExportFormat
-from runtime.outputs.model_files.model import (
-    IdentifiedModel,
-    require_no_coupling,
-    xml_comment,
-)
+from runtime.outputs.model_files.model import IdentifiedModel, require_no_coupling, xml_comment
 from runtime.outputs.model_files.reload_check import compare_reloaded
 from runtime.outputs.model_files.urdf_tree import WORLD, Edge
 

@@ -215,12 +215,7 @@ def test_a_computed_torque_has_no_weight(lib: Library, clean: Recording) -> None
     noise = 0.1 * rng.normal(size=clean.tau.shape) * (np.arange(7) != 6)
     tau = clean.tau + noise
     estimated = identify_recording(
-        clean.replace(tau=tau),
-        lib,
-        "wls",
-        friction=FRICTION,
-        split=SPLIT,
-        certify=False,
+        clean.replace(tau=tau), lib, "wls", friction=FRICTION, split=SPLIT, certify=False
     )
     assert np.isfinite(estimated.pi).all()
     assert any(lib.joint_names[6] in note and "measured" in note for note in estimated.notes)

@@ -6,18 +6,8 @@ import numpy as np
 import pytest
 
 from runtime.errors import LibraryError
-from runtime.estimators.descent.adam import (
-    Preset,
-    Watch,
-    descend,
-    descend_by_steps,
-    descend_many,
-)
-from runtime.estimators.descent.descent import (
-    Descent,
-    descent_of,
-    levenberg_descend,
-)
+from runtime.estimators.descent.adam import Preset, Watch, descend, descend_by_steps, descend_many
+from runtime.estimators.descent.descent import Descent, descent_of, levenberg_descend
 from runtime.estimators.descent.fit import fit_adam, fit_levenberg, fit_many
 from runtime.estimators.optimizers import AdamOptions, LevenbergOptions, Status, StoppingRule
 from runtime.estimators.problem import Problem

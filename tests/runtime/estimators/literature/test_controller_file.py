@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 
 from runtime.errors import IdentificationError, RecordingError
-from runtime.estimators.literature.iv_didim import (
-    read_controller,
-)
+from runtime.estimators.literature.iv_didim import read_controller
 from runtime.excitation import Trajectory
 from runtime.excitation.trajectory_file import write_motion
 from runtime.library import Library

@@ -73,9 +73,7 @@ def test_a_dip_of_a_distance_between_samples_is_caught(lib: Library) -> None:
 
 
 @pytest.mark.parametrize(
-    "more",
-    [{}, {"band": BAND}, {"viscous": (2e4,)}],
-    ids=["one model", "band", "friction alone"],
+    "more", [{}, {"band": BAND}, {"viscous": (2e4,)}], ids=["one model", "band", "friction alone"]
 )
 @pytest.mark.parametrize("kind", ["torque", "torque rate", "tip box", "tip speed", "table"])
 def test_no_value_exceeds_its_rise(lib: Library, kind: str, more: dict[str, Any]) -> None:

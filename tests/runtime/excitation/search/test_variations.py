@@ -41,11 +41,7 @@ def test_the_number_of_processes_does_not_matter(lib: Library, quick: Design) ->
     """Property: rounds wait for each other, so the parents of variations agree, to the bit."""
     reports: list[tuple[int, float, float]] = []
     together = design(
-        lib,
-        **QUICK,
-        starts=STARTS,
-        processes=3,
-        progress=lambda *now: reports.append(now),
+        lib, **QUICK, starts=STARTS, processes=3, progress=lambda *now: reports.append(now)
     )
     assert np.array_equal(quick.trajectory.coefficients, together.trajectory.coefficients)
     assert (quick.conditions, quick.variations) == (together.conditions, together.variations)

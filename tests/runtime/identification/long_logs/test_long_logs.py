@@ -83,10 +83,7 @@ def test_the_answer_is_that_of_the_whole_log(lib, log, tmp_path):
     write_recording(log, tmp_path / "x.parquet")
     whole = identify_recording(log, lib, preparation=PREPARATION, friction=FRICTION)
     result = identify_recording(
-        open_streamed(tmp_path / "x.parquet"),
-        lib,
-        preparation=PREPARATION,
-        friction=FRICTION,
+        open_streamed(tmp_path / "x.parquet"), lib, preparation=PREPARATION, friction=FRICTION
     )
     (before, after), (before_, after_) = torque_errors(whole), torque_errors(result)
     assert before_.percent == pytest.approx(before.percent, rel=1e-9)
@@ -184,10 +181,7 @@ def test_memory_does_not_grow_with_the_log(lib, tmp_path, monkeypatch):
         write_recording(moving(lib, rows), tmp_path / "x.npz")
         tracemalloc.start()
         identify_recording(
-            open_streamed(tmp_path / "x.npz"),
-            lib,
-            preparation=PREPARATION,
-            friction=FRICTION,
+            open_streamed(tmp_path / "x.npz"), lib, preparation=PREPARATION, friction=FRICTION
         )
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()

@@ -32,10 +32,7 @@ BAD = {
         lambda run: (run, {"empty": run.replace(q=run.q + 0.5 * np.eye(7)[0])}),
         "follows another trajectory: fr3_joint1 differs .* record the same trajectory",
     ),
-    "NaN": (
-        lambda run: (run.replace(tau=np.where(np.arange(7) == 2, np.nan, run.tau)), {}),
-        "NaN",
-    ),
+    "NaN": (lambda run: (run.replace(tau=np.where(np.arange(7) == 2, np.nan, run.tau)), {}), "NaN"),
     "no torque": (lambda run: (run.replace(tau=None), {}), "has no torque"),
     "nothing moves the link": (
         lambda run: (run.replace(q=run.q * 0 + run.q[0], dq=run.q * 0, ddq=run.q * 0), {}),

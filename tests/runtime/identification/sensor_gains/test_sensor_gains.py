@@ -10,13 +10,7 @@ from runtime import read_recording, write_recording
 from runtime.errors import RuntimeFault
 from runtime.identification.payload.body import mount_of, pi_of_body
 from runtime.identification.payload.known import KnownPayload, read_known_payload
-from runtime.identification.sensor_gains import (
-    identify_gains,
-    linear,
-    problem_of,
-    reduced,
-    solve,
-)
+from runtime.identification.sensor_gains import identify_gains, linear, problem_of, reduced, solve
 from runtime.recording import Friction, Recipe, load_recipe, plan_of, recipe_text
 from runtime.recording.recipes.recipe import Signal
 from tests.runtime.identification.sensor_gains.weighed import (

@@ -173,10 +173,7 @@ def test_command_with_several_logs(lib, sessions, tmp_path, command: Command):
         ): "expects LOG=FILE with a log of 0.npz, 1.npz",
         ("--settings", "payload_of=1.npz=none.json"): "holds no payload",
         ("--method", "ekf"): "cannot join several logs",
-        (
-            "--settings",
-            "stream=true",
-        ): "read as a whole",
+        ("--settings", "stream=true"): "read as a whole",
     }.items():
         ran = command(*logs, *words, *extra)
         assert ran.code == 2

@@ -67,10 +67,7 @@ def exported(lib: Library, folder: Path, *kinds: str) -> dict[str, tuple[str, st
 
 @pytest.mark.parametrize("name", ["fr3", "arm", "tree", "gantry"])
 def test_every_format_reloads_in_its_engine(
-    name: str,
-    arm: Library,
-    robot: Callable[[str], Library],
-    tmp_path: Path,
+    name: str, arm: Library, robot: Callable[[str], Library], tmp_path: Path
 ) -> None:
     """Oracle: pinocchio, MuJoCo, Drake and a C compiler, on tilted gravity and branches too."""
     lib = arm if name == "arm" else robot(name)

@@ -176,12 +176,7 @@ def test_a_wrong_shape_is_named(fr3: Library, tmp_path: Path) -> None:
     ],
 )
 def test_the_reload_check_catches_a_urdf_that_is_not_the_robot(
-    arm: Library,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    old: str,
-    new: str,
-    message: str,
+    arm: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, old: str, new: str, message: str
 ) -> None:
     """Oracle: a micrometre, a name or a bracket out of place is found before writing."""
     text = arm.urdf().replace('xyz=".3 0 0"', 'xyz="0.3 0 0"')

@@ -110,13 +110,7 @@ def test_commands(lib: Library, tmp_path: Path, command) -> None:
     ).read_text().replace("\n", " ")
     for more, sentence in (
         (("--method", "wls"), "comes from an inertial prior"),
-        (
-            (
-                "--settings",
-                "stream=true",
-            ),
-            "in passes over rows",
-        ),
+        (("--settings", "stream=true"), "in passes over rows"),
     ):
         ran = command("identify", "log.npz", *GIVEN, *more)
         assert ran.code == 2

@@ -97,8 +97,11 @@ def opened(
         saved = saved_from(record, place, True, result.row_marks, recipe)
     elif isinstance(result, SavedResult):
         saved, place = result, f"the result of {result.record.robot}"
-    else:
+    elif isinstance(result, str | PathLike):
         saved, place = read_result(result, with_learned=True), str(result)
+    else:
+        kinds = "a result of runtime.identify or runtime.read_result, or the folder of one"
+        raise IdentificationError(f"expected {kinds}, got {result!r:.60}")
     lib = load(saved.record.robot) if lib is None else lib
     require_library(lib)
     return saved, lib, require_model(saved.record, lib, place, same_bodies)

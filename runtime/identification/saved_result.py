@@ -211,10 +211,7 @@ def read_result(folder: str | PathLike[str], with_learned: bool = False) -> Save
             path.
     """
     if not isinstance(folder, str | PathLike):
-        raise RecordingError(
-            "expected a result of runtime.identify or runtime.read_result, or the folder of one, "
-            f"got {folder!r:.60}"
-        )
+        raise RecordingError(f"expected the folder of a result, got {folder!r:.60}")
     folder = Path(folder)
     file = folder / "result.json" if folder.is_dir() else folder
     return saved_from(read_record(file), str(file), with_learned, *fitted_rows(file))

@@ -7,6 +7,7 @@ materials: no solid is denser than osmium.
 """
 
 import itertools
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -149,7 +150,7 @@ def plausibility_warnings(model: Model, group: Group) -> list[Finding]:
     findings = [*_geometry(body, where, extent)]
     density = _ellipsoid_density(body)
     # Without shapes: distance from the link origin to its joints and its centre of mass, at most.
-    whole = sum(float(np.linalg.norm(joint.offset)) for joint in model.joints)
+    whole = sum(math.hypot(*joint.offset) for joint in model.joints)
     reach = extent.reach(body.com) if extent else max(STUB * whole, group.reach)
     slip = _slipped(body, reach)
     if density > OSMIUM:

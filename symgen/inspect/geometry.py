@@ -14,6 +14,7 @@ P = Σ_k T_k P_k T_kᵀ,  T_k from the frame of link k to that of the heaviest o
 part into several links (a drive, its cover, a camera), with placeholders of a gram in some of them.
 """
 
+import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -262,4 +263,4 @@ def _reach(model: Model, root: str, poses: dict[str, Array], bodies: dict[str, B
         ends = [child.offset for child in model.children(name)]
         ends += [bodies[name].com] if name in bodies else []
         offsets += [pose[:3, :3] @ end + pose[:3, 3] for end in ends]
-    return max(float(np.linalg.norm(offset)) for offset in offsets)
+    return max(math.hypot(*offset) for offset in offsets)  # without overflow

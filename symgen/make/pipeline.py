@@ -30,7 +30,14 @@ from symgen.emit.files import Early, EmittedRobot, controller_files, emit, ignor
 from symgen.errors import BuildError
 from symgen.kernel import Kernel
 from symgen.make import VERSION
-from symgen.make.compiler import PORTABLE, REFERENCE, Compilation, how_to_compile, level_names
+from symgen.make.compiler import (
+    PORTABLE,
+    REFERENCE,
+    Compilation,
+    Compiled,
+    how_to_compile,
+    level_names,
+)
 from symgen.make.facts import initial_parameters, model_facts, notes_of
 from symgen.make.request import BuildRequest
 from symgen.mechanics.loop_range import within_loops
@@ -224,8 +231,7 @@ def _fill(staging: Path, request: BuildRequest, draft: _Draft, levels: Sequence[
 
         files = _emitted(request, draft, early).files
         _write_files(staging, {name: files[name] for name in files if name not in started})
-        sources = [name for kind in _KINDS for name in kind if name in files]
-        compiled = compilation.finish(sources, staging / f"lib{request.name}.so")
+        compiled = _compile(compilation, staging / f"lib{request.name}.so", files)
     record = {
         "fingerprint": request.fingerprint,
         "levels": sorted(set(levels)),
@@ -242,6 +248,10 @@ def _fill(staging: Path, request: BuildRequest, draft: _Draft, levels: Sequence[
 def _write_files(staging: Path, files: Mapping[str, str]) -> None:
     for name, text in files.items():
         (staging / name).write_text(text, encoding="utf-8", newline="\n")
+
+
+def _compile(compilation: Compilation, library: Path, files: Mapping[str, str]) -> Compiled:
+    return compilation.finish([name for kind in _KINDS for name in kind if name in files], library)
 
 
 @contextmanager

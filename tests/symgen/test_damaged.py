@@ -114,3 +114,14 @@ def test_integers_that_no_double_holds_are_refused(tmp_path: Path) -> None:
     (tmp_path / "x.json").write_text("9" * 400)
     with pytest.raises(ValueError, match="more than 19 digits"):
         json_of(tmp_path / "x.json")
+
+
+def test_a_link_far_beyond_any_room_is_measured(tmp_path: Path) -> None:
+    """Property: the square of a distance of 1e308 m overflows, the distance does not."""
+    path = tmp_path / "robot.xml"
+    path.write_text(
+        '<mujoco><worldbody><body name="rod"><joint/><inertial pos="0 0 0.1" mass="1" '
+        'diaginertia="0.02 0.02 0.01"/><body name="tip" pos="1e308 1e308 0"><joint/><inertial '
+        'pos="0 0 0" mass="1" diaginertia="0.02 0.02 0.01"/></body></body></worldbody></mujoco>'
+    )
+    assert len(inspect_file(path).rows) == 2

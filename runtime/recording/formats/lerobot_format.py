@@ -110,11 +110,6 @@ class LerobotReader(LogReader):
         """Times of the episodes, each beginning `PAUSE_S` after the end of the one before."""
         episodes = self._column("episode_index")
         common_count(self.raw.path, (len(stamps), len(episodes)))
-        if episodes.shape[1] != 1:
-            raise RecordingError(
-                f"{self.raw.name}: episode_index is expected to be one number per row, but has "
-                f"{episodes.shape[1]}; download the data set again"
-            )
         steps = np.diff(episodes[:, 0])
         starts = np.flatnonzero(steps) + 1
         shifts = np.zeros_like(stamps)

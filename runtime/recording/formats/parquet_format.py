@@ -173,10 +173,10 @@ class Batch:
             return _floats(cells).reshape(-1, 1)
         flat, count = _floats(cells.flatten()), len(cells)
         width, rest = divmod(len(flat), count)
-        if rest or cells.null_count or not _is_even(cells, width, types):
+        if not width or rest or cells.null_count or not _is_even(cells, width, types):
             raise RecordingError(
                 f"{self.name}: the lists of the column {column!r} are expected to be of one "
-                "length, but are not; write one number per joint and instant"
+                "length above 0, but are not; write one number per joint and instant"
             )
         return flat.reshape(count, width)
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from symgen.mechanics.spatial import axis_rotation, exp_so3, log_so3, skew, symmetric_eigen
+from symgen.mechanics.spatial import axis_rotation, exp_so3, log_so3, symmetric_eigen
 from tests.taylor import Array, assert_second_order, taylor_slope
 
 EPS = float(np.finfo(float).eps)
@@ -37,12 +37,6 @@ def rodrigues(axis: Array, angle: float) -> Array:
     """The textbook form with a given axis, free of any division by θ."""
     k = np.cross(np.eye(3), axis)  # [axis×]
     return np.eye(3) + np.sin(angle) * k + 2 * np.sin(angle / 2) ** 2 * k @ k
-
-
-def test_skew() -> None:
-    """Oracle: numpy.cross."""
-    v, w = np.array([1.0, -2.0, 3.0]), np.array([0.5, 4.0, -1.0])
-    np.testing.assert_array_equal(np.array(skew(ca.DM(v)) @ ca.DM(w)).ravel(), np.cross(v, w))
 
 
 @pytest.mark.parametrize("axis", AXES, ids=str)

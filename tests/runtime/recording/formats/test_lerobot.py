@@ -87,7 +87,7 @@ def test_what_is_missing_is_one_sentence(tmp_path):
     place_of = table.schema.get_field_index("episode_index")
     nothing = pa.array([[]] * len(table), pa.list_(pa.int64()))
     pq.write_table(table.set_column(place_of, "episode_index", nothing), frames)
-    with pytest.raises(RecordingError, match="episode_index is expected to be one number per row"):
+    with pytest.raises(RecordingError, match="column 'episode_index' are expected to be of one"):
         read_recording(place, recipe_from_table(RECIPE))
     frames.unlink()
     frames.mkdir()

@@ -113,6 +113,7 @@ def table_of(**changes: object) -> pa.Table:
         (table_of().slice(0, 0), "holds no rows"),
         (pa.table({**lists(2), "q": [[1.0], [2.0, 3.0]]}), "of one length"),
         (pa.table({**lists(2), "q": [[1.0, 2.0], None]}), "of one length"),
+        (pa.table({**lists(2), "t": pa.array([[], []], pa.list_(pa.float64()))}), "above 0"),
     ],
 )
 def test_tables_that_are_no_log(tmp_path, table, message):

@@ -2,12 +2,13 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from runtime.campaign.shortest_session import shortest_session, size_of
+from runtime.campaign.shortest_session import _needed, shortest_session, size_of
 from runtime.campaign.target import target_of
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.entropic_prior import CAD, prior_of
@@ -147,3 +148,11 @@ def test_until_on_the_command_line(command: Command, tiny: Path, tmp_path: Path)
     assert (refused.code, "give --until, or leave it out" in refused.err) == (2, True)
     refused = command("excite", "--until", "mass=5g")
     assert (refused.code, "expected a target such as" in refused.err) == (2, True)
+
+
+@pytest.mark.parametrize(("other", "wanted"), [(0.5, 1.02 * 10 * 0.25 / 0.75 - 8), (1.2, np.inf)])
+def test_what_more_motion_cannot_reach_takes_for_ever(other: float, wanted: float) -> None:
+    """Oracle: σ² = other² + noise² · whole / seconds; errors of sessions alone may exceed it."""
+    noise, total = 0.5, float(np.hypot(other, 0.5))
+    errors = SimpleNamespace(parts=lambda _: {NOISE: noise}, total=lambda _: total)
+    assert _needed(errors, lambda *_: 0.0, 1.0, 10.0, 2.0) == pytest.approx(wanted)

@@ -234,11 +234,11 @@ def test_a_figure_is_drawn_of_series_that_fit(kind: str, good: Any, bad: Any) ->
 
 
 def test_positions_of_no_joint_are_refused(tmp_path: Path) -> None:
-    """Property: lists without a number in the place of positions hold no sample."""
+    """Property: lists without a number in the place of positions; the column is named."""
     pa = pytest.importorskip("pyarrow")
     pq = pytest.importorskip("pyarrow.parquet")
     lists = pa.array([[]] * 9, pa.list_(pa.float64()))
     table = {"t": pa.array(np.arange(9.0)), "q": lists, "tau": pa.array(np.ones((9, 2)).tolist())}
     pq.write_table(pa.table(table), tmp_path / "log.parquet")
-    with pytest.raises(RecordingError, match="holds no sample"):
+    with pytest.raises(RecordingError, match="of one length above 0"):
         read_recording(tmp_path / "log.parquet")

@@ -229,6 +229,12 @@ def test_inflation_is_a_ratio_of_variances(density: float, variance: float, infl
     assert ColouredNoise(density, variance).inflation == inflation
 
 
+def test_the_variance_counts_what_the_unknowns_took_up() -> None:
+    """Oracle: σ² = (‖r‖² + p S) / (n N) with S = Σ h r̂² / Σ h (1 − h), by hand."""
+    found = coloured_noise._noise_from_sums([(2.0, 3.0, 1.0), (1.0, 3.0, 1.0)], 10.0, 4, 20.0)
+    assert (found.density, found.variance) == pytest.approx((0.5, 0.6))
+
+
 def test_autocorrelation_of_a_chain() -> None:
     """Oracle: AR(1) with ρ = 0.8 has ρ at lag one."""
     rest = signal.lfilter([1], [1, -0.8], np.random.default_rng(0).normal(size=(20_000, 3)), axis=0)

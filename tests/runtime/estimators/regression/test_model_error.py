@@ -89,3 +89,14 @@ def test_the_posterior_of_one_gain(shown: float, monkeypatch: pytest.MonkeyPatch
     information = (1 + shown) / sigma**2
     wanted = taken * np.array([1 / np.sqrt(information), 0.7 * size / level / information])
     np.testing.assert_allclose(np.abs(scores[0]), wanted, rtol=1e-9)
+
+
+def test_few_blocks_scatter_more_than_their_mean_square() -> None:
+    """Oracle: the sample variance of ten blocks is k/(k − 1) times their mean square."""
+    samples, _ = _rows(np.random.default_rng(0))
+    count = round(10 * BLOCK_S * RATE)
+    basis, rest = np.ones((count, 1)), np.repeat(np.arange(10.0) - 4.5, count // 10)[:, None]
+    found = scatter(samples.rows(slice(count)), basis, rest, 0.0)
+    sums = count / 10 * rest[:: count // 10, 0]
+    # One sample of 40 may be counted to the next block by rounding.
+    assert found.item() == pytest.approx(sums @ sums / 0.9, rel=0.01)

@@ -1,10 +1,14 @@
 """Nuisance torque: intervals hold under cables that no column describes, and stay without them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from runtime.estimators.regression import model_error
-from runtime.estimators.regression.nuisance import SHAPES, common_size
+from runtime.estimators.regression.nuisance import SHAPES, common_size, nuisance_of
+from runtime.estimators.regression.omitted_columns import free_fit
+from runtime.estimators.regression.samples import Samples
 from runtime.excitation import Trajectory
 from runtime.identification.identified import Identification
 from runtime.identification.posterior_file import friction_sigma, posterior_of_result
@@ -120,3 +124,21 @@ def test_the_size_in_common_is_that_of_the_scores() -> None:
         z = gram @ s + shapes.T @ (1e-4 * rng.normal(size=60))
         # σ of 40 directions: 1/√80 of it, three times.
         assert common_size(gram, z, 1e-8, 0.02) == pytest.approx(stated, rel=3 / 80**0.5)
+
+
+def test_rows_of_momenta_have_no_nuisance_torque(double: Library) -> None:
+    """Property: its shapes are torques of instants; the same rows of instants have some."""
+    t = np.arange(2000)[:, None] / 100.0
+    q = np.sin(t * [1.0, 1.7])
+    dq = np.gradient(q, 0.01, axis=0)
+    motion = q, dq, np.gradient(dq, 0.01, axis=0)
+    tau = double.inverse_dynamics(*motion, double.pi0) + np.sin(2 * q)
+    tau += 0.01 * np.random.default_rng(0).normal(size=q.shape)
+    instants = Samples(*motion, tau, np.zeros((*q.shape, 0)))
+    momenta = replace(instants, acceleration=None, base=instants.base_rows(double))
+    found = [
+        nuisance_of(double, free_fit(double, each, np.ones(2)), double.pi0, 1e-4).scores.shape[1]
+        for each in (instants, momenta)
+    ]
+    assert found[0] > 0
+    assert found[1] == 0

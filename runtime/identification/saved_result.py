@@ -146,8 +146,10 @@ def migrated(facts: dict[str, Any], path: Path | str = "result.json") -> dict[st
             f"format {FORMAT}, which states its model; identify again with this version"
         )
     if number > FORMAT:
-        known = re.search(r"'symgen': '([\w.+-]*)'", str(facts.get("provenance")))
-        writer = f" (written by symgen {known[1]})" if known else ""
+        try:
+            writer = f" (written by symgen {facts['provenance']['versions']['symgen']!s:.20})"
+        except (KeyError, TypeError):
+            writer = ""
         raise RecordingError(
             f"'{path}' has the format {number}{writer}, expected {FORMAT} or less; update symgen, "
             "or identify again with this version"
@@ -207,8 +209,7 @@ def read_result(folder: str | PathLike[str], with_learned: bool = False) -> Save
         The record, and parameters, friction and preparation of the log.
 
     Raises:
-        RecordingError: the file is missing, damaged or of learned friction, or the argument is no
-            path.
+        RecordingError: no path is given, or the file is missing, damaged or of learned friction.
     """
     if not isinstance(folder, str | PathLike):
         raise RecordingError(f"expected the folder of a result, got {folder!r:.60}")

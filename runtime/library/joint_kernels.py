@@ -297,7 +297,10 @@ class BodyKernels:
         return blocks.reshape(*np.shape(pi)[:-1], self.n_links, 4, 4)
 
     def relative_eigenvalues(self, pi: ArrayLike) -> Array:
-        """Smallest eigenvalue of each P_k over its trace, above 0 if consistent; NaN where π is."""
+        """Smallest eigenvalue of each P_k over its trace: positive means strictly consistent.
+
+        NaN where π is not finite.
+        """
         blocks = self.binding.call("pseudo_inertia", np.reshape(pi, (-1, N_PARAMETERS)))[0]
         finite = np.isfinite(blocks).all(axis=(1, 2))
         smallest = np.full(len(blocks), np.nan)

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from runtime.estimators.regression import model_error
-from runtime.estimators.regression.nuisance import SHAPES, common_size, nuisance_of
+from runtime.estimators.regression.nuisance import (
+    SHAPES,
+    common_size,
+    nuisance_columns,
+    nuisance_of,
+)
 from runtime.estimators.regression.omitted_columns import free_fit
 from runtime.estimators.regression.samples import Samples
 from runtime.excitation import Trajectory
@@ -15,6 +20,7 @@ from runtime.identification.posterior_file import friction_sigma, posterior_of_r
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction
+from runtime.recording.settings import DAHL_STROKE, STRIBECK_SPEED
 from runtime.simulation import Plant, ideal
 
 NOISE = 0.05
@@ -124,6 +130,41 @@ def test_the_size_in_common_is_that_of_the_scores() -> None:
         z = gram @ s + shapes.T @ (1e-4 * rng.normal(size=60))
         # σ of 40 directions: 1/√80 of it, three times.
         assert common_size(gram, z, 1e-8, 0.02) == pytest.approx(stated, rel=3 / 80**0.5)
+
+
+def test_a_peak_follows_the_presliding_state_and_a_bend_has_no_slope(double: Library) -> None:
+    """Oracles: the Dahl state, step by step and in closed form; normal equations of a line.
+
+    On the way s back from a reversal the state is ζ = −1 + (1 + ζ₀) e^(−s/σ), with the stroke σ; a
+    peak at constant speed follows it. Of a root of the speed, least squares over ζ, dq and 1 leaves
+    nothing: a bend changes neither the viscous coefficient nor the peak.
+    """
+    step = DAHL_STROKE / 100
+    there = step * np.arange(1000.0)
+    way = step * np.arange(1.0, 1000.0)
+    t = np.arange(1000.0)
+    for path, rate in (
+        (np.concatenate([there, there[-1] - way]), 10.0),
+        (0.3 * np.sin(t / 100) + np.sin(t / 30), 100.0),
+    ):
+        q = np.tile(path[:, None], 2)
+        dq = rate * np.gradient(q, axis=0)
+        rows = Samples(q, dq, 0 * q, 0 * q, np.zeros((*q.shape, 0)))
+        bend, peak = nuisance_columns(double, double.pi0, rows)[:, 0, -2:].T
+        state = np.zeros(len(path))
+        for k, move in enumerate(np.diff(path)):
+            stays = np.exp(-abs(move) / DAHL_STROKE)
+            state[k + 1] = np.sign(move) + (state[k] - np.sign(move)) * stays
+        if rate < 100:
+            behind = -1 + (1 + state[999]) * np.exp(-way / DAHL_STROKE)
+            np.testing.assert_allclose(state[1000:], behind, rtol=0, atol=1e-12)
+        at_speed = np.exp(-((dq[:, 0] / STRIBECK_SPEED) ** 2))
+        np.testing.assert_allclose(peak, state * at_speed, rtol=0, atol=1e-12)
+        line = np.column_stack([state, dq[:, 0], np.ones(len(path))])
+        line /= np.linalg.norm(line, axis=0)
+        # Rounding of as many samples.
+        assert np.abs(line.T @ bend).max() < 1e-12 * len(path)
+        assert np.linalg.norm(bend) > 0.1 or rate < 100
 
 
 def test_rows_of_momenta_have_no_nuisance_torque(double: Library) -> None:

@@ -31,7 +31,7 @@ from runtime.monitoring.drift import (
 )
 from runtime.monitoring.model import model_of
 from runtime.monitoring.noise import read_held_out, read_test_rows
-from runtime.monitoring.scores import Changes, Scores, Usual, _at_rest, expected
+from runtime.monitoring.scores import Changes, Scores, Usual, _at_rest, expected, scores_of
 from runtime.recording import Friction, Preparation
 from runtime.recording.preprocessing import prepare
 from runtime.simulation import Plant, ideal
@@ -395,3 +395,23 @@ def test_a_delay_that_no_result_estimated_is_no_change(
     verdict = verdict_of(lib, baseline, prepare(logs[1], saved.preparation, terms, lib=lib))
     assert verdict.changed == stated
     assert not stated or verdict.best.group == "clock"
+
+
+def test_a_rest_adds_the_square_of_its_dry_friction(
+    lib: Library, arm: Path, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray
+) -> None:
+    """Oracle: noise of scores of frictions F, 2 F and 3 F: (9 − 1)/(4 − 1) between the changes."""
+    saved = read_result(arm)
+    log = prepare(later_log(lib, trajectories[1], pi_true, ""), Preparation(), saved.friction)
+    samples = samples_of(log, lib)
+    still = samples.dq.copy()
+    still[100:400, 2] = 0.0
+    samples = dataclasses.replace(samples, dq=still)
+    model = dataclasses.replace(model_of(saved, lib), phi=np.zeros_like(saved.phi))  # F is unknown
+    root, over = 1e-6 * np.eye(len(lib.base_matrix) + saved.phi.size), np.full(lib.n_joints, 20.0)
+    one, two, three = (
+        scores_of(lib, model, saved.pi, log.t, samples, root, over, k * np.ones(lib.n_joints)).noise
+        for k in (1, 2, 3)
+    )
+    assert np.abs(two - one).max() > 0
+    np.testing.assert_allclose(three - one, 8 / 3 * (two - one), atol=1e-9 * np.abs(one).max())

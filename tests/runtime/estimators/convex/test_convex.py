@@ -20,6 +20,7 @@ from runtime.estimators.prior_file import prior_about
 from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.samples import Samples
+from runtime.library import Library
 from tests.runtime.estimators.convex.paths import follow
 
 NOISE = 0.05
@@ -275,3 +276,16 @@ def test_evidence_without_data_is_that_of_any_centre(fr3):
     values = [log_evidence(each, *silent, CAD, each.centre) for each in priors]
     # Rounding of log |C| of 70 directions whose squares span 14 digits.
     np.testing.assert_allclose(values, values[0], atol=1e-6)
+
+
+def test_the_thinnest_body_is_measured_about_its_centre_of_mass(fr3: Library) -> None:
+    """Oracle: Σ_com = m/12 diag(a², b², c²) of a cuboid, far from the origin of its link."""
+    basis = bodies_of(fr3).basis.reshape(10, 16)
+    m, centre, moments = 3.0, np.array([0.3, -0.2, 0.5]), 0.25 * np.array([0.04, 0.01, 0.09])
+    matrix = np.zeros((4, 4))
+    matrix[:3, :3] = np.diag(moments) + m * np.outer(centre, centre)
+    matrix[:3, 3] = matrix[3, :3] = m * centre
+    matrix[3, 3] = m
+    pi = np.linalg.lstsq(basis.T, matrix.ravel(), rcond=None)[0]
+    prior = prior_from(bodies_of(fr3), np.tile(pi, fr3.n_links))
+    np.testing.assert_allclose(prior.thinnest(), 0.0025, rtol=1e-9)

@@ -11,6 +11,7 @@ from runtime.estimators.regression.nuisance import (
     common_size,
     nuisance_columns,
     nuisance_of,
+    size_posterior,
 )
 from runtime.estimators.regression.omitted_columns import free_fit
 from runtime.estimators.regression.samples import Samples
@@ -183,3 +184,17 @@ def test_rows_of_momenta_have_no_nuisance_torque(double: Library) -> None:
     ]
     assert found[0] > 0
     assert found[1] == 0
+
+
+def test_the_posterior_of_sizes_is_that_of_their_scores() -> None:
+    """Oracle: C⁻¹ = G/S + Λ⁻¹ and s̄ = C z/S by inverses, with sizes of three scales."""
+    rng = np.random.default_rng(3)
+    gram, z, sizes = (
+        np.cov(rng.normal(size=(3, 9))),
+        rng.normal(size=3),
+        np.array([0.01, 1.0, 30.0]),
+    )
+    root, mean = size_posterior(gram, z, 0.2, sizes)
+    covariance = np.linalg.inv(gram / 0.2 + np.diag(sizes**-2.0))
+    np.testing.assert_allclose(root @ root.T, covariance, rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(mean, covariance @ z / 0.2, rtol=1e-9)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from runtime.errors import IdentificationError
+from runtime.excitation.limits.dependent_joints import DependentJoints
 from runtime.excitation.limits.distance_limits import TipBox, TipSpeed
 from runtime.excitation.limits.limit_rows import Limits
 from runtime.excitation.limits.safety import RATE, unchecked
@@ -65,3 +66,17 @@ def test_a_value_of_the_box_of_the_tip_as_a_coordinate(lib: Library) -> None:
         place, end, unit = box.measured(row, g)
         assert place == pytest.approx(tip[row % 3], abs=1e-12)
         assert (end, unit) == (np.concatenate([box.upper, box.lower])[row], "m")
+
+
+def test_slopes_of_a_joint_that_follows_a_product() -> None:
+    """Closed form: x = q1 q2 has ∂x/∂q = (q2, q1) and ∂(dx/dt)/∂q = (dq2, dq1)."""
+
+    def product(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> tuple[np.ndarray, ...]:
+        other = slice(None, None, -1)
+        ddx = np.sum(ddq * q[:, other] + dq * dq[:, other], axis=1)
+        return q.prod(axis=1)[:, None], np.sum(dq * q[:, other], axis=1)[:, None], ddx[:, None]
+
+    q, dq = np.random.default_rng(0).normal(size=(2, 5, 2))
+    slopes = DependentJoints(SimpleNamespace(motion_or_nan=product), (0,)).slopes(q, dq)
+    np.testing.assert_allclose(slopes[:, 0, 1], q[:, ::-1], rtol=1e-12)
+    np.testing.assert_allclose(slopes[:, 0, 0], dq[:, ::-1], rtol=1e-12)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from runtime.estimators.convex.entropic_prior import CAD
+from runtime.estimators.regression.samples import samples_of
 from runtime.identification.drive import estimate, feedback
 from runtime.identification.drive.estimate import identify_drive
 from runtime.identification.drive.feedback import FEEDBACK, linearised, response
@@ -13,7 +14,7 @@ from runtime.identification.drive.result import DriveRequest
 from runtime.identification.posterior_file import friction_sigma
 from runtime.identification.settings import Settings
 from runtime.library import Array, Library, load
-from runtime.recording import Preparation, read_recording
+from runtime.recording import Friction, Preparation, Recording, read_recording
 from runtime.recording.recipes.recipe import ControlLaw
 
 STEP, LOGGED, SECONDS = 1e-3, 5, 20.0
@@ -165,3 +166,14 @@ def test_gains_of_a_motor_act_on_the_joint_with_the_square_of_the_gear() -> None
     gains = feedback._gains(law, 2)
     assert gains is not None
     assert [each.tolist() for each in gains] == [[200.0, 800.0], [50.0, 100.0]]
+
+
+def test_the_loop_has_the_slope_of_friction(pendulum: Library) -> None:
+    """Oracle: d/dq̇ of viscous friction and of c tanh(q̇/ε); the difference errs by (h/ε)² < 1e-4."""
+    terms = Friction(("viscous", "coulomb", "offset"), EPSILON)
+    dq = np.linspace(-0.05, 0.05, 9)[:, None]
+    at = Recording(np.arange(9) * 0.01, 0 * dq, dq, 0 * dq, 0 * dq)
+    phi = np.array([[0.7, 0.4, 5.0]])
+    _, slope = feedback._loop(samples_of(at, pendulum), pendulum, pendulum.pi0, phi, terms)
+    expected = 0.7 + 0.4 / EPSILON / np.cosh(dq / EPSILON) ** 2
+    np.testing.assert_allclose(slope, expected, rtol=1e-4)

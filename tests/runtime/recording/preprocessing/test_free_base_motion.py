@@ -8,7 +8,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from runtime.recording.free_base import Contacts, FreeBaseRecording
-from runtime.recording.preprocessing.free_base_motion import _base_rates, motion_of
+from runtime.recording.preprocessing.free_base_motion import (
+    _base_rates,
+    _unknown_between,
+    motion_of,
+)
 
 
 def swaying(t: np.ndarray) -> FreeBaseRecording:
@@ -124,3 +128,12 @@ def test_twist_of_a_turning_base() -> None:
     twist, change = _base_rates(turn, *rates, velocity, acceleration)
     np.testing.assert_allclose(twist, np.hstack([v, w]), atol=1e-13)
     np.testing.assert_allclose(change, np.hstack([dv, a]), atol=1e-13)
+
+
+def test_an_instant_between_rows_is_unknown_where_either_row_is() -> None:
+    """Oracle: by hand; an instant on a row takes that row alone."""
+    t, unknown = np.array([1.0, 2.0, 3.0]), np.array([[True], [False], [False]])
+    for order in (1, -1):
+        grid = np.array([1.0, 1.5, 2.0, 2.5, 3.0]) if order > 0 else 4.0 - np.arange(1.0, 3.1, 0.5)
+        found = _unknown_between(t, unknown[::order], np.sort(grid))
+        assert found[::order, 0].tolist() == [True, True, False, False, False]

@@ -422,6 +422,13 @@ def run(app: typer.Typer, name: str) -> None:
     except RuntimeFault as error:
         print(f"{name}: {as_typed(str(error))}", file=sys.stderr)
         raise SystemExit(2) from None
+    except MemoryError as error:
+        what = str(error).rstrip(".") or "no more is free"
+        print(
+            f"{name}: the memory does not suffice ({what}); give a shorter log or a lower rate",
+            file=sys.stderr,
+        )
+        raise SystemExit(2) from None
     except OSError as error:
         if error.filename is None:
             if error.errno not in _FULL:

@@ -94,7 +94,11 @@ def json_of(document: Path | bytes) -> Any:
 
 def toml_of(path: Path) -> dict[str, Any]:
     """Tables of a TOML document; errors as for `bytes_of`."""
-    text = text_of(path)
+    return tables_of(text_of(path))
+
+
+def tables_of(text: str) -> dict[str, Any]:
+    """Tables of a TOML text; a `ValueError` says what is wrong with it."""
     _require_short(text, LARGEST_TOML)
     require_short_keys(text)
     try:

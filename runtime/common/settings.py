@@ -20,7 +20,6 @@ of an option.
 import inspect
 import json
 import textwrap
-import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import MISSING, dataclass, fields
 from enum import Enum
@@ -33,7 +32,7 @@ import msgspec
 import typer
 
 from runtime.common.errors import RuntimeFault
-from runtime.common.files import replacing, toml_of
+from runtime.common.files import replacing, tables_of, toml_of
 from runtime.common.records import record_from_table
 
 __all__ = [
@@ -260,7 +259,7 @@ def _parsed(record: type[Choices], key: str, text: str) -> Any:
     if kind is not None and _takes_text(kind) and not text.startswith(("[", '"', "'")):
         return text
     try:
-        return tomllib.loads(f"value = {text}")["value"]
+        return tables_of(f"value = {text}")["value"]
     except ValueError:
         return text
 

@@ -14,6 +14,7 @@ An equality of tendons along joints is a coupling too. A body that floats freely
 an object of the scene and left out.
 """
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -142,7 +143,7 @@ def _is_inside(mujoco: Any, model: Any, k: int, inside: set[int]) -> bool:
 def _note_gravity(model: Any, note: Callable[[str], None]) -> None:
     """Note gravity other than that of a build."""
     gravity = np.array(model.opt.gravity)
-    if np.linalg.norm(gravity - GRAVITY) > _FAR:
+    if math.dist(gravity, GRAVITY) > _FAR:
         stated = ",".join(f"{x:g}" for x in gravity)
         note(
             f"the file states the gravity {stated} m/s², and the build takes 0,0,-9.81 unless "

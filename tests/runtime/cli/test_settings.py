@@ -195,6 +195,14 @@ def test_numbers_out_of_range() -> None:
         params_of("identify", "log.csv", "--settings", "seed=-1")
 
 
+@pytest.mark.parametrize(("key", "value"), [("seed", "[" * 20_000), ("starts", "9" * 400)])
+def test_values_that_no_text_holds(key: str, value: str) -> None:
+    """Property: what the TOML reader cannot hold is a text, and no number."""
+    with pytest.raises(RuntimeFault, match=f"{key} expects a whole number") as fault:
+        params_of("excite", "--settings", f"{key}={value}")
+    assert len(str(fault.value)) < 500
+
+
 MOST, MOST_OF_A_COMMAND = 190, 16
 """Largest numbers of options of all commands together, and of one."""
 IDENTIFY = "robot recipe run method friction cutoff delay prior split out settings overwrite"

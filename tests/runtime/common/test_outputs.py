@@ -11,6 +11,7 @@ import pytest
 from rich.console import Console
 
 from runtime.common import files, terminal
+from runtime.common.commands import run
 from runtime.common.errors import RuntimeFault
 from runtime.common.files import replacing, replacing_folder
 from runtime.common.tables import Table
@@ -19,6 +20,19 @@ from runtime.recording.reader import locate
 from symgen.cli.console import is_model
 
 PROGRAM = "from runtime.common.commands import run; run(lambda: print('τ = 1'), 'symgen')"
+
+
+def test_memory_that_does_not_suffice_is_a_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+    """Property: as for any input that this machine cannot take."""
+
+    def full() -> None:
+        raise MemoryError("Unable to allocate 841. MiB")
+
+    with pytest.raises(SystemExit) as end:
+        run(full, "symgen")
+    said = capsys.readouterr().err
+    assert (end.value.code, said.count("\n")) == (2, 1)
+    assert "the memory does not suffice (Unable to allocate 841. MiB); give a shorter log" in said
 
 
 @pytest.mark.parametrize(

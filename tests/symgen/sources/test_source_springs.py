@@ -224,17 +224,22 @@ def test_unknown_springs_of_a_table_of_links(
     assert len(request.options.mechanism.spring) == 2
 
 
-@pytest.mark.parametrize("given", [None, (0.0, 0.0, -1.62)])
+@pytest.mark.parametrize(
+    ("stated", "given"), [("-1.62", None), ("-1.62", (0.0, 0.0, -1.62)), ("1e+308", None)]
+)
 def test_gravity_of_mjcf_is_noted(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], given: tuple[float, float, float] | None
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    stated: str,
+    given: tuple[float, float, float] | None,
 ) -> None:
     """Property: gravity of the file, which a build does not take, and compensated weight."""
     path = mjcf(tmp_path, "")
-    text = path.read_text().replace("0 0 -9.81", "0 0 -1.62")
+    text = path.read_text().replace("0 0 -9.81", f"0 0 {stated}")
     path.write_text(text.replace('<body name="finger"', '<body name="finger" gravcomp="1"'))
     request_from_urdf(Source(path), "robot", ChainOptions(gravity=given), False, None, None)
     out = " ".join(capsys.readouterr().out.split())
-    assert ("the file states the gravity 0,0,-1.62 m/s²" in out) == (given is None)
+    assert (f"the file states the gravity 0,0,{stated} m/s²" in out) == (given is None)
     assert "the gravcomp of finger is left out" in out
 
 

@@ -56,9 +56,7 @@ class ModelTests:
     model_errors: tuple[str, ...] = ()
     # sentences on gains, encoder zeros and tilts that may be wrong without a trace
     limits: tuple[str, ...] = ()
-    # deviation of every torque gain that such a log shows in 95 of 100 cases, (n,); empty where it
-    # was not tested
-    gain_limits: Array = field(default_factory=lambda: np.zeros(0))
+    causes: Causes = field(default_factory=Causes)  # compared; none where they were not tested
 
 
 def model_tests(
@@ -104,7 +102,7 @@ def model_tests(
             "its noise and the prior allow, so the method stopped short of the data; use map"
         )
     doubts = (doubt,) if doubt else ()
-    return ModelTests(doubts, tuple(errors), _of_limits(lib, causes), causes.limits(GAIN))
+    return ModelTests(doubts, tuple(errors), _of_limits(lib, causes), causes)
 
 
 def sentence_of(lib: Library, named: tuple[Cause, ...]) -> str:
@@ -195,18 +193,20 @@ def _of_limits(lib: Library, causes: Causes) -> tuple[str, ...]:
             f"this log may not show a wrong torque gain of {', '.join(hidden)}, because friction "
             "and inertia take it up; python -m runtime gains determines it"
         )
-    zeros, tilts = causes.limits(ZERO), causes.limits(TILT)
     turns = [unit != "N" for unit in torque_units(lib.manifest)]
-    shown = np.array([x for x, turn in zip(zeros, turns, strict=False) if turn and x < LARGEST])
-    if shown.size or (tilts < LARGEST).any():
-        parts = [f"a tilt of the base from {np.degrees(x):.2g}°" for x in tilts if x < LARGEST]
-        if shown.size:
-            low, high = np.degrees([shown.min(), shown.max()])
-            where = f"{low:.2g} to {high:.2g}°" if shown.size > 1 else f"{low:.2g}°"
-            parts.append(
-                f"a wrong encoder zero of {shown.size} of {len(zeros)} joints from {where}"
-            )
-        said.append(f"this log shows {' and '.join(parts)} on")
+    zeros = [*zip(lib.joint_names, causes.limits(ZERO), turns, strict=False)]
+    parts = [
+        f"a tilt of the base from {np.degrees(x):.2g}°" for x in causes.limits(TILT) if x < LARGEST
+    ]
+    shown = [
+        f"of {name} from {np.degrees(x):.2g}°" for name, x, turn in zeros if turn and x < LARGEST
+    ]
+    if shown:
+        parts.append(f"a wrong encoder zero {', '.join(shown)}")
+    if parts:
+        rest = sum(turn for *_, turn in zeros) - len(shown)
+        others = f", and that of {rest} other joints at no angle below {np.degrees(LARGEST):.0f}°"
+        said.append(f"this log shows {' and '.join(parts)} on{others if shown and rest else ''}")
     return tuple(said)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from runtime.common.files import replacing
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.pc_ols import BOUNDARY
+from runtime.estimators.regression.causes import GAIN
 from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import BAND_SAMPLES
@@ -195,7 +196,7 @@ def _uncertainty(result: Identification) -> schema.UncertaintyPart | None:
         noise=schema.plain(u.noise),
         model_band=schema.plain(np.sqrt(np.mean(band**2, axis=0))),
         white_lag_share=schema.plain(u.white),
-        detectable_gain_error=schema.plain(u.tests.gain_limits),
+        detectable_gain_error=schema.plain(u.tests.causes.limits(GAIN)),
         gain_sigma=u.gain_sigma,
     )
 

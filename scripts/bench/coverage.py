@@ -14,6 +14,7 @@ import numpy as np
 from scipy import signal
 
 from runtime import Identification, Recording, identify_payload
+from runtime.estimators.regression import causes
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.estimators.uncertainty import Uncertainty
 from runtime.excitation import Trajectory
@@ -300,7 +301,7 @@ def powers(
         for seed in range(count):
             motion = motions[seed % len(motions)]
             clean = _identified(lib, motion, Case("", (), _usual, log=log), seed)
-            limits.append(float(clean.tests.gain_limits[WRIST]))
+            limits.append(float(clean.tests.causes.limits(causes.GAIN)[WRIST]))
             for k, error in enumerate(POWERS):
                 case = Case("", (), _usual, _gain(WRIST, 1 + error), log)
                 text = _advice(lib, motion, case, seed)

@@ -255,10 +255,13 @@ def explained(torque_rows: TorqueRows, matrix: Array) -> list[Finding]:
     gains = [c for c in causes.ranked if c.kind == GAIN and c.is_significant and not c.is_usable]
     of_gain = [each for best in gains[:1] for each in _gain(torque_rows, best)]
     named = causes.named
-    if of_gain or not named or named[0].kind not in {TILT, ZERO}:
+    kinds = {GAIN: "gain_error", TILT: "base_tilt", ZERO: "encoder_zero"}
+    if of_gain or not named or named[0].kind not in kinds:
         return of_gain
     best = named[0]
-    kind = "base_tilt" if best.kind == TILT else "encoder_zero"
+    if best.kind == GAIN and not best.is_usable:
+        return []  # without the slope of the URDF it may be a delay
+    kind = kinds[best.kind]
     facts = {"joint": best.joint, "size": best.size, "statistic": best.statistic}
     sentence = f"{sentence_of(lib, named)}; {remedy_of(lib, best)}"
     return [Finding(kind, INFO if best.is_usable else WARNING, sentence, facts)]

@@ -11,7 +11,7 @@ from runtime.estimators import uncertainty
 from runtime.estimators.convex.constraints import Constraints
 from runtime.estimators.convex.entropic_prior import bodies_of
 from runtime.estimators.prior_file import PriorFile
-from runtime.estimators.regression.causes import ZERO, Cause
+from runtime.estimators.regression.causes import GAIN, ZERO, Cause
 from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import uncertainty_of
 from runtime.excitation import Trajectory
@@ -165,7 +165,7 @@ def test_a_gain_that_the_log_cannot_show_is_stated(lib, trajectories):
     wrong = log.replace(tau=log.tau * np.where(np.arange(7) == 6, 1.1, 1.0))
     result = identify_recording(wrong, lib, friction=TERMS, preparation=FILTERED)
     assert "may not show a wrong torque gain of fr3_joint7 (up to" in result.uncertainty.advice()
-    limits = result.uncertainty.tests.gain_limits
+    limits = result.uncertainty.tests.causes.limits(GAIN)
     # The joints that carry links are seen at 6 % and less.
     assert (limits[:6] < 0.06).all()
     assert limits[6] > 0.1
@@ -212,7 +212,7 @@ def test_gains_at_their_limits_are_noticed(lib, trajectories, seed):
             recording, lib, friction=TERMS, preparation=FILTERED
         ).uncertainty.tests
 
-    limit = tests(log).gain_limits[4]
+    limit = tests(log).causes.limits(GAIN)[4]
     assert 0 < limit < 0.06
     wrong = tests(log.replace(tau=log.tau * np.where(np.arange(7) == 4, 1 + limit, 1.0)))
     assert any("at fr3_joint5" in text for text in wrong.contradictions + wrong.model_errors)
@@ -268,7 +268,10 @@ def torque_of_gravity(model, q: np.ndarray) -> np.ndarray:
 def test_an_encoder_zero_is_named_with_its_size(lib, trajectories, joint):
     """Oracle: a joint that reads 1° too much; a clean log states from which size on it is seen."""
     log = logged(lib, trajectories[0], 0)
-    assert "this log shows a tilt of the base from 0.1" in advice(log, lib)
+    clean = advice(log, lib)
+    assert "this log shows a tilt of the base from 0.1" in clean
+    assert float(clean.split(f"fr3_joint{joint + 1} from ")[1].split("°")[0]) < 1.0
+    assert "and that of 3 other joints at no angle below 10°" in clean
     words = advice(log.replace(q=log.q + np.radians(1.0) * np.eye(7)[joint]), lib)
     assert TRUST not in words
     size = float(words.split(f"encoder of fr3_joint{joint + 1} that reads ")[1].split()[0])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from runtime.estimators.choice.cutoff_choice import CutoffCandidate, CutoffChoice
+from runtime.estimators.contradictions import sentence_of
 from runtime.estimators.regression.causes import Cause, Causes
 from runtime.estimators.regression.recorded_delay import DelayProfile, RecordedDelay
 from runtime.inspection import torque_checks as proposal
@@ -141,6 +142,20 @@ def test_gain_of_one_joint(monkeypatch, slope, tested, is_reported) -> None:
     rows = SimpleNamespace(lib=robot, samples=SimpleNamespace(tau=np.ones((4, 3))))
     findings = model_fit.explained(rows, np.zeros((12, 1)))
     assert [each.evidence["gain"] for each in findings] == ([slope] if is_reported else [])
+
+
+@pytest.mark.parametrize(("share", "kinds"), [(0.02, ["gain_error"]), (0.2, [])])
+def test_a_small_gain_is_stated_as_by_identify(lib, monkeypatch, share, kinds) -> None:
+    """Property: the words of `identify`, as a note; a large one needs the slope of the URDF."""
+    best = Cause("gain", 1, 0.02, 0.01, share, 99.0, 15.0)
+    monkeypatch.setattr(model_fit, "causes_of_rows", lambda *_: Causes((best,)))
+    monkeypatch.setattr(model_fit, "slopes_to_model", lambda _: (np.ones(7), np.ones(7, bool)))
+    rows = SimpleNamespace(lib=lib, samples=SimpleNamespace(tau=np.ones((4, 7))))
+    findings = model_fit.explained(rows, np.zeros((28, 1)))
+    assert [each.kind for each in findings] == kinds
+    for each in findings:
+        assert each.level == INFO
+        assert sentence_of(lib, (best,)) in each.sentence
 
 
 def test_gear_that_couples_two_joints(monkeypatch) -> None:

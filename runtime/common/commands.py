@@ -420,32 +420,23 @@ def run(app: typer.Typer, name: str) -> None:
         finally:
             sys.stdout.flush()
     except RuntimeFault as error:
-        print(f"{name}: {as_typed(str(error))}", file=sys.stderr)
-        raise SystemExit(2) from None
+        sentence = as_typed(str(error))
     except MemoryError as error:
         what = str(error).rstrip(".") or "no more is free"
-        print(
-            f"{name}: the memory does not suffice ({what}); give a shorter log or a lower rate",
-            file=sys.stderr,
-        )
-        raise SystemExit(2) from None
+        sentence = f"the memory does not suffice ({what}); give a shorter log or a lower rate"
     except OSError as error:
-        if error.filename is None:
-            if error.errno not in _FULL:
-                raise
+        if error.filename is not None:
+            place = str(error.filename)
+            short = place if len(place) <= 100 else place[:100] + "…"
+            sentence = f"cannot use '{short}' ({error.strerror}); choose another path"
+        elif error.errno in _FULL:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left over
-            print(
-                f"{name}: cannot write the output ({error.strerror}); files that were finished "
-                "before stay as they are; send it to another place",
-                file=sys.stderr,
+            sentence = (
+                f"cannot write the output ({error.strerror}); files that were finished before stay "
+                "as they are; send it to another place"
             )
-            raise SystemExit(2) from None
-        place = str(error.filename)
-        short = place if len(place) <= 100 else place[:100] + "…"
-        print(
-            f"{name}: cannot use '{short}' ({error.strerror}); choose another path", file=sys.stderr
-        )
-        raise SystemExit(2) from None
+        else:
+            raise
     except SystemExit as end:
         if end.code == INTERRUPTED:
             print(
@@ -453,3 +444,7 @@ def run(app: typer.Typer, name: str) -> None:
                 file=sys.stderr,
             )
         raise
+    else:
+        return
+    print(f"{name}: {sentence}", file=sys.stderr)
+    raise SystemExit(2)

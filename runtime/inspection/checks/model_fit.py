@@ -254,17 +254,13 @@ def explained(torque_rows: TorqueRows, matrix: Array) -> list[Finding]:
     # A gain of 2.5 looks like a delay, too: the slope on the torque of the URDF decides.
     gains = [c for c in causes.ranked if c.kind == GAIN and c.is_significant and not c.is_usable]
     of_gain = [each for best in gains[:1] for each in _gain(torque_rows, best)]
-    named = causes.named
+    best = next(iter(causes.named), None)
     kinds = {GAIN: "gain_error", TILT: "base_tilt", ZERO: "encoder_zero"}
-    if of_gain or not named or named[0].kind not in kinds:
+    if of_gain or best is None or best.kind not in kinds or best in gains:
         return of_gain
-    best = named[0]
-    if best.kind == GAIN and not best.is_usable:
-        return []  # without the slope of the URDF it may be a delay
-    kind = kinds[best.kind]
     facts = {"joint": best.joint, "size": best.size, "statistic": best.statistic}
-    sentence = f"{sentence_of(lib, named)}; {remedy_of(lib, best)}"
-    return [Finding(kind, INFO if best.is_usable else WARNING, sentence, facts)]
+    sentence = f"{sentence_of(lib, causes.named)}; {remedy_of(lib, best)}"
+    return [Finding(kinds[best.kind], INFO if best.is_usable else WARNING, sentence, facts)]
 
 
 def _gain(torque_rows: TorqueRows, best: Cause) -> list[Finding]:

@@ -261,7 +261,8 @@ def _parsed(record: type[Choices], key: str, text: str) -> Any:
     try:
         return tables_of(f"value = {text}")["value"]
     except ValueError:
-        return text
+        # Integers of up to 308 digits, as a float holds them, meet the bound of their setting.
+        return int(text) if text.isdecimal() and len(text) <= 308 else text
 
 
 def _members(kind: Any) -> tuple[Any, ...]:

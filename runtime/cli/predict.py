@@ -57,6 +57,8 @@ from runtime.recording import Friction, read_recording
 from runtime.recording.friction import COLUMNS
 from runtime.simulation import sample_times
 
+MOST_ROWS = 300_000
+"""Largest number of rows of a planned log; each takes 1 kB with the regressor of its blocks."""
 SAME = "same"
 """Value of --more: the same motion again."""
 
@@ -246,6 +248,11 @@ def _moved(
     if _is_motion(source):
         motion = read_trajectory(Path(source), lib)
         t = sample_times(motion.duration, log_rate or RATE)
+        if len(t) > MOST_ROWS:
+            raise IdentificationError(
+                f"a planned log has at most {MOST_ROWS:,} rows, got {len(t):,} by the setting "
+                f"log_rate={log_rate or RATE:g}; lower it: σ falls with the root of the rate"
+            )
         recording = planned_recording(motion, t, lib, Path(source).stem)
         return motion_samples_of(recording, lib, None, terms or _friction(given.friction))
     wanted = Settings(friction=given.friction, cutoff=given.cutoff, rate=given.rate)

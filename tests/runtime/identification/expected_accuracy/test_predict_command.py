@@ -130,6 +130,7 @@ def test_earlier_logs_reach_the_prediction(lib: Library, moved: MotionSamples) -
         (("motion.json", "--noise", "nowhere.csv"), "nowhere.csv"),
         (("motion.json", "--noise", "other.npz"), "has 6 joints, the robot 'fr3"),
         (("motion.json", "--settings", "log_rate=0"), "sampling rate above 0 Hz"),
+        (("motion.json", "--settings", "log_rate=787694"), "at most 300,000 rows, got "),
         (
             ("motion.json", "--settings", "rate=50"),
             "is a planned motion; give --settings log_rate=NUMBER",

@@ -77,10 +77,12 @@ def model_tests(
     rest = data.factor @ pi - data.target
     misfit = float(rest @ rest) / max(density, LEAST_DENSITY) / test.threshold
     named = tuple(sorted(causes.named, key=lambda cause: not cause.is_plausible))
+    # Placeholders for links without <inertial> are no prior that a torque could contradict.
+    contradicted = test.is_contradicted and (is_of_type or not lib.placeholders)
     doubt, errors = "", []
-    if test.is_contradicted or not all(each.is_plausible for each in named):
+    if contradicted or not all(each.is_plausible for each in named):
         doubt = _of_columns(lib, fit)
-    if not doubt and test.is_contradicted and not 1 / SCALE < test.scale < SCALE:
+    if not doubt and contradicted and not 1 / SCALE < test.scale < SCALE:
         doubt = _of_unit(test, is_of_type)
     if named and named[0].is_usable:
         errors.append(
@@ -89,7 +91,7 @@ def model_tests(
         )
     elif named:
         doubt = doubt or _of_cause(lib, named)
-    if test.is_contradicted and not doubt:
+    if contradicted and not doubt:
         if test.is_of_another and not test.links:
             doubt = _of_prior(test, is_of_type)
         else:

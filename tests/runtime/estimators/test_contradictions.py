@@ -3,6 +3,8 @@
 Oracle: simulated logs whose fault is known; clean ones have none.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio
 import pytest
@@ -141,13 +143,20 @@ def test_robots_within_the_prior_raise_no_alarm(lib, trajectories, seed):
     assert "do not trust" not in advice(ideal(lib, trajectories[seed], plant, rng=rng), lib)
 
 
-@pytest.mark.parametrize("factor", [1e3, 1e-3])
-def test_a_wrong_unit_of_torque_is_named(lib, trajectories, factor):
-    """Oracle: torque in mN·m, or a thousandth; the torque is wrong, not the URDF."""
+@pytest.mark.parametrize(
+    ("factor", "assumed"), [(1e3, "given mass"), (1e-3, "given mass"), (1e-3, "placeholder")]
+)
+def test_a_wrong_unit_of_torque_is_named(lib, trajectories, monkeypatch, factor, assumed):
+    """Oracle: torque in mN·m, or a thousandth; the torque is wrong, not the URDF. Placeholders for
+    links without inertials are not compared with it.
+    """
+    facts = replace(lib.manifest, assumed=dict.fromkeys(lib.link_names, assumed))
+    monkeypatch.setattr(lib, "manifest", facts)
     log = logged(lib, trajectories[0], 0)
-    words = advice(log.replace(tau=factor * log.tau), lib)
-    assert TRUST not in words
-    assert "the unit or sign of the torque is wrong rather than the URDF" in words
+    known = assumed == "given mass"
+    words = advice(log.replace(tau=factor * log.tau), lib, "map" if known else "pc-ols")
+    assert known == ("the unit or sign of the torque is wrong rather than the URDF" in words)
+    assert known != (TRUST in words)
 
 
 def test_a_wrong_torque_gain_is_named(lib, trajectories):

@@ -39,11 +39,7 @@ def reload(text: str, lib: Library, count: int = STATES) -> Reloaded | None:
         listed, read = (", ".join(each) for each in (lib.all_joint_names, names))
         raise Unreadable(f"expected the joints {listed}, got {read}")
     joints = [model.joints[model.getJointId(name)] for name in lib.all_joint_names]
-    velocity = [
-        joint.idx_v
-        for joint, name in zip(joints, lib.all_joint_names, strict=True)
-        if name in lib.joint_names
-    ]
+    velocity = [model.joints[model.getJointId(name)].idx_v for name in lib.joint_names]
     order = [PINOCCHIO_NAMES.index(name) for name in PI_NAMES]
     bodies = [*([1] if lib.manifest.floating else []), *(joint.id for joint in joints)]
     pi = [model.inertias[body].toDynamicParameters()[order] for body in bodies]

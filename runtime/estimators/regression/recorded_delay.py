@@ -210,17 +210,17 @@ class _Fit:
     def profile(self, delays: Array) -> DelayProfile:
         """Profile of the loss over delays (M,) [s]."""
         n, p = self.rows.shape[1:]
-        shifted = [self.torque(float(delay)) for delay in (*delays, self.known)]
+        shifted = np.stack([self.torque(float(delay)) for delay in (*delays, self.known)])
         start = shifted[int(np.argmin(np.abs(delays)))]
         scale = 1.0 / np.maximum(start.std(axis=0), 1e-12 * float(start.std()) + 1e-300)
         blocks = [list(range(n))] if self.has_gains else [[j] for j in range(n)]
         best, rests = 0, shifted
         for _ in range(PASSES):
-            # Weighted orthonormal basis of the columns: one product per delay.
+            # Weighted orthonormal basis of the columns: one product for all delays.
             weighted = self.rows * scale[:, None]
             bases = [(block, orthonormal(weighted[:, block].reshape(-1, p))) for block in blocks]
-            rests = [self._rest(tau * scale, bases) / scale for tau in shifted]
-            variance = np.array([np.sum(rest**2, axis=0) / self.counts for rest in rests])
+            rests = self._rest(shifted * scale, bases) / scale
+            variance = np.sum(rests**2, axis=1) / self.counts
             floor = 1e-12 * float(np.mean(start**2)) + 1e-300
             logs = np.log(np.maximum(variance, floor))
             best = int(np.argmin(logs[:-1] @ self.counts))
@@ -246,11 +246,11 @@ class _Fit:
 
     @staticmethod
     def _rest(target: Array, bases: list[tuple[list[int], Array]]) -> Array:
-        """Residual of the blocks of joints, (N, n)."""
+        """Residual of the blocks of joints at every delay, (M, N, n)."""
         rest = np.array(target)
         for block, basis in bases:
-            part = target[:, block].ravel()
-            rest[:, block] = (part - basis @ (basis.T @ part)).reshape(-1, len(block))
+            part = target[:, :, block].reshape(len(target), -1)
+            rest[:, :, block] = (part - part @ basis @ basis.T).reshape(len(target), -1, len(block))
         return rest
 
 

@@ -280,6 +280,8 @@ def _between(hole: NDArray[np.bool_]) -> list[slice]:
 HALF = 8
 """Rows on each side."""
 
+EVEN = 1e-10
+"""Scatter of the places between two rows that is rounding, in steps."""
 SHAPE = 6.0
 """Parameter of the Kaiser window: the power of noise up to 0.8 of the Nyquist frequency is kept to
 0.1 %."""
@@ -288,14 +290,23 @@ SHAPE = 6.0
 def interpolate(at: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:
     """Signals at other times, by a windowed sinc over the rows around them.
 
+    Of a uniform clock and a common delay all instants lie equally between two rows, so that they
+    share their weights.
+
     at (M,) [s], t (N,) [s], values (N, n) → (M, n).
     """
     row = np.interp(at, t, np.arange(len(t), dtype=float))
-    first = np.floor(row).astype(np.int64)
+    first = np.floor(row + EVEN).astype(np.int64)
+    share = row - first
+    if share.size and np.ptp(share) <= EVEN:
+        share = share[:1]
     offsets = np.arange(1 - HALF, HALF + 1)
-    distance = (row - first)[:, None] - offsets
+    distance = share[:, None] - offsets
     inside = np.clip(1.0 - (distance / HALF) ** 2, 0.0, None)
     weights = np.sinc(distance) * i0(SHAPE * np.sqrt(inside))
     weights /= weights.sum(axis=1, keepdims=True)
     rows = np.clip(first[:, None] + offsets, 0, len(t) - 1)
-    return np.asarray(np.einsum("mk,mkn->mn", weights, values[rows]))
+    around = values[rows]
+    if len(weights) < len(rows):
+        return np.asarray(np.einsum("k,mkn->mn", weights[0], around))
+    return np.asarray(np.einsum("mk,mkn->mn", weights, around))

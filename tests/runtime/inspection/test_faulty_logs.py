@@ -3,6 +3,7 @@
 `scripts/fault_table` puts the same faults into a second arm, which stands on a wall.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,6 +29,26 @@ def inspected(arm: Arm, log: Log, folder: Path) -> Inspection:
     return inspect_log(folder / "log.npz", arm.lib, log.recipe)
 
 
+@pytest.fixture(scope="module")
+def faulty(
+    arm: Arm, tmp_path_factory: pytest.TempPathFactory
+) -> Callable[[str], tuple[Path, Inspection]]:
+    """Log with the fault whose name begins with some words, and its inspection, made once."""
+    done: dict[str, tuple[Path, Inspection]] = {}
+
+    def get(start: str) -> tuple[Path, Inspection]:
+        fault = next(each for each in FAULTS if each.name.startswith(start))
+        if fault.name not in done:
+            folder = tmp_path_factory.mktemp("faulty")
+            done[fault.name] = folder / "log.npz", inspected(arm, fault.put(arm), folder)
+        return done[fault.name]
+
+    return get
+
+
+Faulty = Callable[[str], tuple[Path, Inspection]]
+
+
 def test_the_clean_log(arm: Arm, tmp_path: Path) -> None:
     """Property: with its recipe no warning; without it the clock and the unknown unit."""
     assert sentences(inspected(arm, arm.log, tmp_path)) == {}
@@ -36,30 +57,29 @@ def test_the_clean_log(arm: Arm, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=[fault.name for fault in FAULTS])
-def test_a_fault_is_named(arm: Arm, tmp_path: Path, fault: Fault) -> None:
+def test_a_fault_is_named(arm: Arm, faulty: Faulty, fault: Fault) -> None:
     """Property: the finding names the fault, with its joint, size or place."""
-    findings = inspected(arm, fault.put(arm), tmp_path).findings
+    findings = faulty(fault.name)[1].findings
     right = [f for f in findings if f.kind in fault.kinds and f.level != "info"]
     assert any(fault.states(arm, f) for f in right), [f.sentence for f in findings]
 
 
 @pytest.mark.parametrize("place", ["forty rows", "shifted rows", "frozen"])
-def test_rows_are_left_out_on_request(arm: Arm, tmp_path: Path, place: str) -> None:
+def test_rows_are_left_out_on_request(arm: Arm, faulty: Faulty, tmp_path: Path, place: str) -> None:
     """Property: read with the proposed recipe, the log has no corrupt row and no warning left."""
     names = {"forty rows": "40 rows", "shifted rows": "9 rows", "frozen": "log frozen"}
-    fault = next(each for each in FAULTS if each.name.startswith(names[place]))
-    found = inspected(arm, fault.put(arm), tmp_path)
+    file, found = faulty(names[place])
     assert found.plan.leave_out
     recipe = tmp_path / "proposed.toml"
     recipe.write_text(recipe_text(found), encoding="utf-8")
     assert load_recipe(recipe).leave_out == found.plan.leave_out
-    log = read_recording(tmp_path / "log.npz", recipe)
+    log = read_recording(file, recipe)
     assert any(sentence.startswith("Left out") for sentence in log.history)
     true = arm.log.simulated.motion.q[arm.log.rows]
     kept = np.searchsorted(arm.log.arrays["t"], log.t)
     # Encoder noise and resolution are 1e-5 rad; a missed row of the burst would be 0.3 off.
     assert np.abs(log.q - true[kept]).max() < 1e-3
-    assert sentences(inspect_log(tmp_path / "log.npz", arm.lib, recipe)) == {}
+    assert sentences(inspect_log(file, arm.lib, recipe)) == {}
 
 
 @pytest.mark.parametrize("both_ways", [True, False])
@@ -79,18 +99,18 @@ def test_coupled_gears_act_both_ways(arm: Arm, tmp_path: Path, both_ways: bool) 
     assert ("gear_coupling" in sentences(inspected(arm, changed, tmp_path))) == both_ways
 
 
-def test_no_tool_weighs_less_than_nothing(arm: Arm, tmp_path: Path) -> None:
+def test_no_tool_weighs_less_than_nothing(faulty: Faulty) -> None:
     """Property: a log under reversed gravity has one finding, which is not a tool of −8 kg."""
-    fault = next(each for each in FAULTS if each.name == "gravity reversed")
-    assert set(sentences(inspected(arm, fault.put(arm), tmp_path))) == {"gravity"}
+    assert set(sentences(faulty("gravity reversed")[1])) == {"gravity"}
 
 
 @pytest.mark.parametrize("name", ["5 % of the rows", "clock in ms", "torques of two joints"])
-def test_a_proposed_recipe_passes_its_inspection(arm: Arm, tmp_path: Path, name: str) -> None:
+def test_a_proposed_recipe_passes_its_inspection(
+    arm: Arm, faulty: Faulty, tmp_path: Path, name: str
+) -> None:
     """Property: what the recipe corrects is no warning any more."""
-    fault = next(each for each in FAULTS if each.name.startswith(name))
-    proposed = inspected(arm, fault.put(arm), tmp_path)
-    require_no_warning(proposed, tmp_path / "log.npz", arm.lib, tmp_path)
+    file, proposed = faulty(name)
+    require_no_warning(proposed, file, arm.lib, tmp_path)
 
 
 def test_differentiation_does_not_fail_at_the_proposed_cutoff(tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from runtime.inspection.checks import (
     drives,
     gravity,
     model_fit,
+    signals,
     torque_delay,
     torque_signs,
 )
@@ -327,13 +328,17 @@ def _instead(ready: Preparation, choice: CutoffChoice) -> Finding:
 
 
 def _thinned(ready: Preparation, recording: Recording, lib: Library) -> Preparation:
-    """A preparation decimated to the rate that its band needs, without intervals of rest."""
+    """A preparation decimated to the rate that its band needs, without intervals of rest.
+
+    A log of slow motion alone would lose all of its rows with them.
+    """
     grid = ready.grid_hz or (1.0 / ready.clock_tick if ready.clock_tick else recording.rate_hz)
     most = grid / (ROWS_PER_CUTOFF * (ready.cutoff_hz or grid))
     step = max(k for k in _STEPS if k <= max(most, 1.0))
+    moves = signals.moving_joints(recording, lib).any(axis=1).mean() > 1.0 - signals.MOSTLY
     return replace(
         ready,
         trim_s=float(f"{ready.trim_s:.2g}") if ready.trim_s else None,
         rate_hz=float(f"{grid / step:.6g}") if step > 1 else None,
-        rest_speed=ready.rest_speed or as_rest_speed(lib),
+        rest_speed=ready.rest_speed or (as_rest_speed(lib) if moves else None),
     )

@@ -33,6 +33,8 @@ ALIKE = 0.15
 """Largest deviation of the slopes of an acceleration from one unit for all joints."""
 NOISY = 0.6
 """Least correlation of a second derivative: noise of positions grows, but not its slopes."""
+LARGEST_ANGLE = 720.0
+"""Two turns in degrees; larger positions beside columns that could be joints are lengths in mm."""
 UNIT_LENGTH = 1e-3
 """Largest difference of the squared length of a quaternion from 1."""
 COPY = 0.98
@@ -151,15 +153,18 @@ def _poses(rows: FloatArray, taken: set[int]) -> list[set[int]]:
 
 
 def _starts(rows: FloatArray, joints: int, taken: set[int]) -> list[int]:
-    """First columns of the blocks; constant columns lie between blocks, or else inside them."""
+    """First columns of the blocks; constant columns lie between blocks, or else inside them, or
+    beside columns that are too few for a block.
+    """
     constant = set(np.flatnonzero(np.ptp(rows, axis=0) == 0).tolist())
-    for apart in (taken | constant, taken):
+    for apart, least in ((taken | constant, 0), (taken, 0), (taken | constant, joints)):
         runs: list[list[int]] = [[]]
         for column in range(rows.shape[1]):
             if column in apart:
                 runs.append([])
             else:
                 runs[-1].append(column)
+        runs = [run for run in runs if len(run) >= least]
         odd = [run for run in runs if len(run) % joints]
         if len(odd) == 1:  # a temperature or a pose of angles beside the signals
             _leave_out(rows, joints, runs, odd[0])
@@ -187,7 +192,7 @@ def _leave_out(rows: FloatArray, joints: int, runs: list[list[int]], odd: list[i
         rates = [_derivative(block) for block in blocks]
         level = [_averaged(block)[1:-1] for block in blocks]
         alike = {
-            (a, b): np.min(_correlations(rates[a], level[b]), initial=1.0)
+            (a, b): min(_correlations(rates[a], level[b]), default=0.0)
             for a in range(len(blocks))
             for b in range(len(blocks))
             if a != b
@@ -230,10 +235,12 @@ def _signals(blocks: list[FloatArray]) -> list[tuple[str, str]]:
         named[b] = ("velocity", f"derivative of the position {said}")
     else:
         a = min(count, key=lambda k: _roughness(blocks[k]))
+        inside = [k for k in count if np.abs(blocks[k]).max() <= LARGEST_ANGLE]
+        if a not in inside and len(inside) > 1:
+            named[a] = ("", "more than two turns: a pose in mm, not joints")
+            a = min(inside, key=lambda k: _roughness(blocks[k], 0.0))  # of the joint that moves
         named[a] = ("position", "the smoothest columns")
-    for k in count:
-        if k in named:
-            continue
+    for k in set(count) - set(named):
         copied = next((j for j in named if _correlation(level[k], level[j]) > COPY), None)
         if copied is not None:
             kind, reason = named[copied]
@@ -298,13 +305,13 @@ def _correlations(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray((a * b).sum(axis=0)[varies] / size[varies])
 
 
-def _roughness(block: FloatArray) -> float:
-    """RMS of second differences over the standard deviation, median over the joints."""
+def _roughness(block: FloatArray, quantile: float = 0.5) -> float:
+    """RMS of second differences over the standard deviation, median or quantile over the joints."""
     deviation = block.std(axis=0)
     varies = deviation > 0
     second = np.diff(block[:, varies], n=2, axis=0)
     ratio = np.sqrt(np.mean(second**2, axis=0)) / deviation[varies]
-    return float(np.median(ratio)) if varies.any() else np.inf
+    return float(np.quantile(ratio, quantile)) if varies.any() else np.inf
 
 
 @dataclass(frozen=True, slots=True)

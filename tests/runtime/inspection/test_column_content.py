@@ -63,6 +63,25 @@ def test_columns_are_recognised_by_content(order, signals) -> None:
     assert units == ["ms" if "ms" in order else "s"]
 
 
+def test_a_pose_in_mm_is_no_position() -> None:
+    """Oracle: the order in which the columns were written. One of six joints moves, the others have
+    the noise of encoders; a column of flags and an unplugged sensor stand behind.
+    """
+    rng, t = np.random.default_rng(5), 0.008 * np.arange(800)
+    turn = 100 * np.sin(0.5 * t)
+    q = np.column_stack([turn, *np.tile([[30.0], [-160.0], [55.0], [-90.0], [5.0]], 800)])
+    x, y = 900 * np.cos(np.radians(turn)), 900 * np.sin(np.radians(turn))
+    pose = np.column_stack([x, y, np.full((800, 3), 170.0), turn])
+    pose[:, 2:5] += 0.1 * np.sin(np.radians(turn))[:, None]
+    torque = np.column_stack([np.sign(np.cos(0.5 * t)), *np.full((5, 800), 8.0)])
+    wrench = np.full((800, 6), -7.0)
+    noisy = [each + rng.normal(0, size, each.shape) for each, size in ((q, 2e-3), (torque, 0.1))]
+    more = [wrench + rng.normal(0, 0.5, wrench.shape), np.zeros((800, 6)), np.arange(800) > 5]
+    table = np.column_stack([1e3 * t, noisy[0], pose, noisy[1], *more])
+    kinds = [block.kind for block in blocks_by_content(table, 6) if len(block.columns) > 1]
+    assert kinds == ["position", "", "torque", ""]
+
+
 def test_short_and_odd_files_are_left_to_the_order(signals) -> None:
     """Property: nothing is concluded from few rows or from columns that are no blocks of n."""
     table = np.column_stack([signals["q"], signals["tau"]])

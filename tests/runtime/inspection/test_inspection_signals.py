@@ -201,6 +201,14 @@ def test_7_rest(lib: Library, clean: Recording, saved, tmp_path: Path) -> None:
     require_no_warning(result, log, lib, tmp_path)
 
 
+def test_7_a_slow_log_keeps_its_rows(lib: Library, clean: Recording, saved) -> None:
+    """Property: where hardly any row is faster than rest, the proposed recipe drops none."""
+    q = clean.q[0] + 0.002 * (clean.q - clean.q[0])
+    result = inspect_log(saved(clean, q=q, dq=0.002 * clean.dq), lib, propose=True)
+    assert "record a faster motion" in sentences(result)["rest"]
+    assert result.plan.preparation.rest_speed is None
+
+
 def test_10_degrees(lib: Library, clean: Recording, saved, tmp_path: Path) -> None:
     """Property: determined by the limits, with dq in rad/s beside it or without dq."""
     log = saved(clean, q=clean.q * 180 / np.pi)

@@ -285,6 +285,8 @@ COMPLETED = {
     "identify log": set(),
 }
 """Words → what a shell offers, among others; nothing where files are left to the shell."""
+BY_BASH = ("pr", "identify --fri", "identify log")
+"""Words for which bash starts the program; for the others this process answers what bash asks."""
 COMPLETE = """COMP_WORDS=(symgen {})
 COMP_CWORD={}
 _symgen_completion symgen
@@ -300,20 +302,31 @@ def completed(script: Path) -> dict[str, set[str]]:
     program.parent.mkdir()
     program.write_text(f'#!/bin/sh\nexec "{sys.executable}" "{script}" "$@"\n')
     program.chmod(0o755)
-    calls = (COMPLETE.format(words, len(words.split())) for words in COMPLETED)
+    calls = (COMPLETE.format(words, len(words.split())) for words in BY_BASH)
     path = os.pathsep.join([str(program.parent), os.environ["PATH"]])
     environment = {**os.environ, "PYTHONPATH": str(REPOSITORY), "PATH": path}
     words = ["/bin/bash", "-c", "\n".join(['eval "$(symgen --show-completion)"', *calls])]
     done = subprocess.run(words, env=environment, capture_output=True, text=True, check=True)
     lines = done.stdout.splitlines()
-    return dict(zip(COMPLETED, (set(line.split()) for line in lines), strict=True))
+    return dict(zip(BY_BASH, (set(line.split()) for line in lines), strict=True))
 
 
-@pytest.mark.parametrize("words", COMPLETED)
+@pytest.mark.parametrize("words", BY_BASH)
 def test_a_shell_completes(completed: dict[str, set[str]], words: str) -> None:
     """Oracle: bash itself, with the printed script; files are left to the shell."""
     assert completed[words] >= COMPLETED[words]
     assert COMPLETED[words] or not completed[words]
+
+
+@pytest.mark.parametrize("words", [words for words in COMPLETED if words not in BY_BASH])
+def test_words_are_completed(here: Here, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Property: the program offers what follows, asked as by the script of bash."""
+    monkeypatch.setenv("_SYMGEN_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", f"symgen {words}")
+    monkeypatch.setenv("COMP_CWORD", str(len(words.split())))
+    code, out, err = here()
+    assert (code, err) == (0, "")
+    assert {*out.split()} >= COMPLETED[words]
 
 
 @pytest.mark.parametrize("words", [("--version",), ("--help",)])

@@ -15,7 +15,7 @@ from runtime.excitation import Trajectory
 from runtime.excitation.trajectory_file import write_motion
 from runtime.library import Library, load
 
-PLAN = Plan("v=1mNm", duration=1.0, stages=(50.0, 100.0), most_seconds=3.0, rehearses=False)
+PLAN = Plan("v=1mNm", duration=0.5, stages=(50.0, 100.0), most_seconds=1.5, rehearses=False)
 KILLED = f"""
 import os, signal, sys
 from pathlib import Path
@@ -33,7 +33,7 @@ else:
     usual, count = robot.exchange, []
     def exchange(reference):
         count.append(0)
-        return kill() if len(count) == 2500 else usual(reference)
+        return kill() if len(count) == 1250 else usual(reference)
     robot.exchange = exchange
 run_campaign(robot, plan, target_of(plan.target), Path(sys.argv[2]))
 """
@@ -53,7 +53,7 @@ def campaign(lib: Library, folder: Path) -> float:
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGKILL")
 def test_a_killed_campaign_continues(pendulum: Library, tmp_path: Path) -> None:
     """Property: killed while a file is written, and in the middle of a stage, to the bit."""
-    motion = Trajectory(pendulum.home, np.array([[0.12, -0.08, 0.04]]), PLAN.duration)
+    motion = Trajectory(pendulum.home, np.array([[0.06, -0.04, 0.02]]), PLAN.duration)
     folders = {name: tmp_path / name for name in ("undisturbed", "state", "stage")}
     for folder in folders.values():
         write_motion(motion, pendulum, folder / "motion-1.json", {})

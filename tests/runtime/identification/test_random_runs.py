@@ -185,7 +185,7 @@ def test_random_runs(robots: list[Library], tmp_path: Path) -> None:
             signals = str(rng.choice(["torque", "motion"]))
             finished[f"{signals} of {form}"] += 1
             others = [poisoned(each, start, signals) for each in logs_of(log, form)]
-            again = run(lib, others, chosen, form, tmp_path)
+            again = run(lib, others, chosen | {"certify": False}, form, tmp_path)
             np.testing.assert_array_equal(again.pi, result.pi, err_msg=f"{seed} {chosen}")
             np.testing.assert_array_equal(again.phi, result.phi, err_msg=f"{seed} {chosen}")
     assert len(finished) == 3 + len(robots) + 1 + 6

@@ -13,6 +13,7 @@ from runtime.common.terminal import say, show
 from runtime.identification.evaluation import evaluate
 from runtime.identification.free_base.result import free_base_errors
 from runtime.identification.model_identity import require_model
+from runtime.identification.position_errors import position_table
 from runtime.identification.result_tables import error_table
 from runtime.identification.saved_result import SavedResult, read_result
 from runtime.library import Library
@@ -40,6 +41,9 @@ def evaluate_command(given: EvaluateSettings) -> None:
     wider band holds more torque noise. The mass matrix M(q), rotors included, is audited over the
     joint limits: positive definite by proof or by search.
 
+    Of a log with a control law, the model also predicts the positions, from the commands and the
+    first row alone.
+
     A log whose recipe names no filter is prepared in the same way as the log of identify.
     """
     saved = read_result(given.result, with_learned=True)
@@ -66,6 +70,8 @@ def evaluate_command(given: EvaluateSettings) -> None:
     part = "test" if done.is_test else "fitted"
     title = f"{saved.record.robot}, {saved.record.method}: torque error on {part} data"
     show(error_table(saved.record.joints, saved.record.units, *errors, title))
+    if done.position_errors is not None:
+        show(position_table(saved.record.joints, done.position_errors))
     say(f"{done.mass_matrix.sentence()}.")
     for note in done.notes:
         say(f"note: {note}")

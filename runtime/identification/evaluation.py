@@ -22,6 +22,7 @@ from runtime.errors import RecordingError
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification import metrics
 from runtime.identification.identified import torque_of
+from runtime.identification.position_errors import PositionErrors, position_errors
 from runtime.identification.prepared_log import preparation_of
 from runtime.identification.result_file import AnyResult, opened
 from runtime.identification.result_record import ErrorPercent, ErrorRms, error_parts
@@ -29,7 +30,6 @@ from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.recording import Preparation, Recording
 from runtime.recording.consistency import require_plausible
-from runtime.recording.friction import COLUMNS
 from runtime.recording.preprocessing import is_filtered, prepare
 from runtime.recording.row_marks import SAME
 
@@ -180,6 +180,8 @@ class Evaluation:
     torque_rms: ErrorRms  # the same [N·m, N]
     mass_matrix: MassAudit  # whether M(q) with the rotors is positive definite over the limits
     fitted_share: float  # share of the rows that the model was fitted to
+    # of positions predicted from the commands of a control law; None for a measured torque
+    position_errors: PositionErrors | None
     notes: tuple[str, ...]  # what to know about the comparison, sentences
 
     @property
@@ -254,8 +256,8 @@ def evaluate(
     if percent.after_overall is not None and percent.after_overall > UNLIKE:
         name = log.name if isinstance(log, Recording) else log
         notes.insert(0, WORSE.format(percent.after_overall, name))
-    inertial = [k for k, n in enumerate(terms.columns) if COLUMNS[n].model_term == "armature"]
-    rotor = np.maximum(saved.phi[:, inertial].sum(axis=1), 0.0)
+    positions, unlike = position_errors(saved, lib, recording, prepared)
+    rotor = saved.drive_term("armature")
     return Evaluation(
         robot=lib.name,
         method=saved.record.method,
@@ -265,7 +267,8 @@ def evaluate(
         torque_rms=rms,
         mass_matrix=audit_mass(lib, saved.pi, rotor),
         fitted_share=fitted,
-        notes=tuple(notes),
+        position_errors=positions,
+        notes=(*notes, *unlike),
     )
 
 

@@ -165,6 +165,7 @@ def check_commanded(checks: CheckRun, lib: Library) -> None:
     checks.findings += drives.commanded(checks.recording, checks.plan)
     try:
         if not lib.placeholders:
+            checks.run(lambda r, p: drives.law_gain(r, lib, p))
             before = len(checks.findings)
             checks.run_on_torque(column_faults.column_faults, lib, Friction(DRIVE))
             if any(f.level == WARNING for f in checks.findings[before:]):

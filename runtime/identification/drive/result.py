@@ -60,8 +60,9 @@ class DriveFit:
     @classmethod
     def of_all(cls, logs: "Sequence[DriveFit]") -> "DriveFit":
         """The delay of a single log, and the biases by all of them."""
-        known = np.array([each.bias_sigma**-2.0 for each in logs])
-        precision = known.sum(axis=0) - (len(logs) - 1) * BIAS_PRIOR**-2.0
+        known, prior = np.array([each.bias_sigma**-2.0 for each in logs]), BIAS_PRIOR**-2.0
+        # The prior counts once; the σ of a log whose blocks scatter may exceed that of the prior.
+        precision = prior + np.maximum(known - prior, 0.0).sum(axis=0)
         mean = np.sum([each.bias for each in logs] * known, axis=0) / precision
         first = logs[0] if len(logs) == 1 else cls.unknown(len(mean))
         return cls(first.delay, first.delay_sigma, mean, precision**-0.5)

@@ -17,8 +17,9 @@ from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.inspection.finding import INFO, WARNING, Finding
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recipe, Recording
-from runtime.recording.friction import DRIVE, ROTOR
+from runtime.recording.friction import COLUMNS, DRIVE, ROTOR
 from runtime.recording.preprocessing import prepare
+from runtime.recording.recipes.recipe import Gain
 
 DOMINANT = 0.5
 """Share of the torque that the links leave unexplained from which on the drives dominate."""
@@ -26,6 +27,10 @@ REMOVED = 0.5
 """Share of that rest that the drives must explain."""
 STILL = 0.02
 """Travel [rad or m] below which a joint does not count."""
+WRONG_GAIN = 1.5
+"""Factor on the gains of a law that no usual error of a URDF explains."""
+CLEAR = 3.0
+"""Factor over its standard deviation from which on it is named."""
 LATE = 4.0
 """Delay over its standard deviation from which on it is to be corrected."""
 
@@ -45,6 +50,52 @@ def commanded(recording: Recording, plan: Recipe) -> list[Finding]:
             {"law": law.law, "source": recording.torque_source},
         )
     ]
+
+
+def law_gain(recording: Recording, lib: Library, plan: Recipe) -> tuple[Recipe, list[Finding]]:
+    """Gains of the law that carry the links of the URDF, all by one factor c.
+
+    Measured: τ_law = Y π0 / c + F φ in least squares, with one c for all joints, and how much the
+    joints differ.
+    """
+    law = plan.law
+    if law is None or not isinstance(law.kp, float | tuple):
+        return plan, []
+    usual = filtered(recording, plan.preparation)
+    columns = Friction(tuple(name for name in DRIVE if not COLUMNS[name].is_constant))
+    samples = samples_of(prepare(recording, usual, columns, lib=lib), lib)
+    links, _ = _left(samples, samples.rigid(lib, lib.pi0), len(columns.columns))
+    torque, _ = _left(samples, samples.tau, len(columns.columns))
+    weights = np.sum(links**2, axis=0)
+    each = np.sum(links * torque, axis=0) / np.where(weights > 0, weights, 1.0)
+    shares = weights / weights.sum() if weights.any() else weights
+    inverse, squares = float(shares @ each), float(shares @ shares)
+    # Scatter of the joints that carry weight; 1 / squares is their effective number.
+    sigma = float(np.sqrt(shares**2 @ (each - inverse) ** 2 / max(1 - squares, 1e-9)))
+    if not inverse > CLEAR * sigma:
+        return plan, []
+    factor, spread = 1 / inverse, sigma / inverse
+    if abs(np.log(factor)) < max(np.log(WRONG_GAIN), CLEAR * spread):
+        return plan, []
+    kp, kd = (_scaled(gain, factor) for gain in (law.kp, law.kd))
+    sentence = (
+        f"the law with kp = {_shown(law.kp)} carries {100 * inverse:.3g} % of the weight of the "
+        f"URDF's links, and kp = {_shown(kp)} all of it (joints differ by {100 * spread:.0f} %): "
+        "proposed, with kd in the same ratio; take the gains of the driver where they are known"
+    )
+    found = Finding("law_gain", WARNING, sentence, {"factor": factor, "spread": spread})
+    return plan.replace(law=replace(law, kp=kp, kd=kd)), [found]
+
+
+def _scaled(gain: Gain, factor: float) -> Gain:
+    if isinstance(gain, tuple):
+        return tuple(float(f"{factor * x:.3g}") for x in gain)
+    return gain if isinstance(gain, str) else float(f"{factor * gain:.3g}")
+
+
+def _shown(gain: Gain) -> str:
+    listed = [f"{x:.3g}" for x in (gain if isinstance(gain, tuple) else (gain,))]
+    return listed[0] if len(set(listed)) == 1 else f"[{', '.join(listed)}]"
 
 
 def friction_of(recording: Recording, lib: Library, plan: Recipe) -> Friction:

@@ -28,7 +28,7 @@ from runtime.recording.formats import format_of_suffix
 from runtime.recording.formats.log_format import LogReader
 from runtime.recording.formats.text_tables import numbers_in
 from runtime.recording.log_files import LogFiles
-from runtime.recording.recipes.recipe import JSON_CELLS, Signal, Time
+from runtime.recording.recipes.recipe import JSON_CELLS, ControlLaw, Signal, Time
 
 _NO_CLOCK = Time(rate_hz=1.0)
 _NUMBER = re.compile(r"\d+(?=\D*$)")
@@ -50,8 +50,8 @@ def draft(
         return None, []
     joints = len(names)
     described = signal_parts(place, names)
-    if plan is not None and not described.get("torque"):  # no other title names a torque either
-        return None, []
+    if plan is not None and not described.get("torque") and _law_of(described)[0] is None:
+        return None, []  # no other title names a torque or commands either
     return _recipe(place, described, joints, rate_hz)
 
 
@@ -151,8 +151,26 @@ def _recipe(
                 "the recipe",
             )
         )
-    recipe = Recipe(run=run, time=time, **chosen)  # type: ignore[arg-type]
-    return recipe, findings
+    law, stated = _law_of(signals) if "torque" not in chosen else (None, [])
+    recipe = Recipe(run=run, time=time, law=law, **chosen)  # type: ignore[arg-type]
+    return recipe, findings + stated
+
+
+def _law_of(signals: Group) -> tuple[ControlLaw | None, list[Finding]]:
+    """A law with kp = 1 where commanded positions lie beside the measured ones."""
+    parts = signals.get("position") or []
+    for part in parts[1:]:
+        where = part["where"]
+        names = where.get("key") or where.get("columns")
+        if part["measured"] or where["file"] != parts[0]["where"]["file"] or not names:
+            continue
+        sentence = (
+            f"the log has no torque, but the commands '{part['title']}': a law with kp = 1 and "
+            "kd = 0 is taken; write the gains under [torque] of the recipe where they are known"
+        )
+        law = ControlLaw(law="pd", kp=1.0, kd=0.0, q_des=names)
+        return law, [Finding("unknown_gains", WARNING, sentence, {"title": part["title"]})]
+    return None, []
 
 
 def _unit_of(kind: str, part: dict) -> tuple[dict[str, Any], list[Finding]]:

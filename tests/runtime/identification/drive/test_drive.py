@@ -13,7 +13,7 @@ from runtime.estimators.regression.samples import Samples
 from runtime.identification.drive import estimate as passes
 from runtime.identification.drive.estimate import identify_drive
 from runtime.identification.drive.feedback import bias_columns
-from runtime.identification.drive.result import DriveRequest
+from runtime.identification.drive.result import BIAS_PRIOR, DriveFit, DriveRequest
 from runtime.identification.identified import Identification
 from runtime.identification.posterior_file import friction_sigma
 from runtime.identification.settings import Settings
@@ -99,6 +99,23 @@ def test_intervals_hold_the_truth(lib: Library, tmp_path: Path) -> None:
             misses[name] += int(np.sum(np.abs(values) > 1.96))
     assert max(misses.values()) <= 4
     assert sum(misses.values()) <= 11
+
+
+def test_biases_of_several_logs_count_the_prior_once() -> None:
+    """Closed form: a log whose σ exceeds that of the prior, by its scattered blocks, adds nothing.
+
+    σ of a log that the prior is in: 1/σ² = 1/s² + 1/p²; of two such logs 2/s² + 1/p².
+    """
+    prior, own = BIAS_PRIOR, 0.01
+    sharp = 1 / np.sqrt(own**-2 + prior**-2)
+    empty = np.zeros(0)
+    logs = [
+        DriveFit(empty, empty, np.array([0.01, 0.01]), np.array([sharp, 1.2 * prior])),
+        DriveFit(empty, empty, np.array([0.01, 0.01]), np.array([sharp, 1.2 * prior])),
+    ]
+    both = DriveFit.of_all(logs)
+    assert both.bias_sigma == pytest.approx([1 / np.sqrt(2 * own**-2 + prior**-2), prior])
+    assert both.bias[0] == pytest.approx(0.02 / sharp**2 * both.bias_sigma[0] ** 2)
 
 
 def test_one_delay_per_joint(lib: Library, tmp_path: Path) -> None:

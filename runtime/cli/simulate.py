@@ -50,6 +50,8 @@ _ONLY_COMPILED = (
 )
 _ONLY_MUJOCO = ("payload", "virtual_robot", "truth_seed")
 
+LEAST_ROWS = 2
+"""Least number of samples that have a rate."""
 BESIDE = ".truth.json", ".motion.json", ".loop.toml"
 """Suffixes of the files beside a log: true parameters, reference motion, controller."""
 Loop = tuple[Controller, ArrayLike, float]
@@ -266,6 +268,11 @@ def _write(lib: Library, motion: Trajectory, made: Made, path: Path, keep_every:
     recording, facts, loop = made
     if keep_every > 1:
         rows = np.arange(0, len(recording), keep_every)
+        if len(rows) < LEAST_ROWS:
+            raise IdentificationError(
+                f"the setting keep_every={keep_every} leaves {len(rows)} of {len(recording)} "
+                f"samples, expected {LEAST_ROWS} or more; give a smaller number"
+            )
         recording = recording.take(rows, f"Kept every {keep_every}. sample.")
     write_recording(recording, path)
     truth, reference, controller = map(path.with_suffix, BESIDE)

@@ -231,6 +231,7 @@ def test_the_command_writes_a_log_like_a_real_one(
         ),
         (("--settings", "virtual_robot=none.toml"), "'none.toml' cannot be read .* one: fr3"),
         (("--payload", "60,0,0,0.3"), "lost its trajectory"),
+        (("--ideal", "--settings", "keep_every=100000"), "keep_every=100000 leaves 1 of "),
     ],
 )
 def test_commands_that_are_refused(

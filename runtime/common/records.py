@@ -82,6 +82,10 @@ def record_from_table(
         raise error(f"{where}{_sentence(kind, table, str(fault))}") from None
     except RecursionError:
         raise error(f"{where} is nested too deeply; write it flat") from None
+    except UnicodeEncodeError:
+        raise error(
+            f"{where} expects Unicode text, got bytes of another code; correct it"
+        ) from None
     if not allows_infinite and (place := _infinite(table)) is not None:
         raise error(
             f"{where}: {place.lstrip('.')} expects a finite number, got inf or nan; correct it"

@@ -17,6 +17,8 @@ from runtime.recording.commanded_torque import per_joint
 from runtime.recording.friction import COLUMNS
 from runtime.simulation.commanded_motion import ServoDrive, commanded_motion
 
+FIRST = 5
+"""Rows whose slope is the first velocity, where none was measured."""
 MOST_SECONDS = 300.0
 """Length of the part that is predicted [s]."""
 
@@ -67,7 +69,9 @@ def position_errors(
     )
     parts = saved.record.drive
     zero = np.array([part.encoder_bias or 0.0 for part in parts]) if parts else np.zeros(n)
-    q = commanded_motion(lib, saved.pi, drive, t[rows], moved[rows], recording.q[0], zero)
+    slope = np.polyfit(t[:FIRST] - t[0], recording.q[:FIRST], 1)[0]
+    first = recording.q[0], slope if recording.dq is None else recording.dq[0]
+    q = commanded_motion(lib, saved.pi, drive, t[rows], moved[rows], first, zero)
     errors = PositionErrors(
         commanded=_rms(command[rows] / stiffness - recording.q[rows]),
         predicted=_rms(q - recording.q[rows]),

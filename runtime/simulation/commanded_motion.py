@@ -37,19 +37,25 @@ class ServoDrive:
 
 
 def commanded_motion(
-    lib: Library, pi: Array, drive: ServoDrive, t: Array, command: Array, q: Array, zero: Array
+    lib: Library,
+    pi: Array,
+    drive: ServoDrive,
+    t: Array,
+    command: Array,
+    first: tuple[Array, Array],
+    zero: Array,
 ) -> Array:
-    """Positions (N, n) at t from u (N, n) and the first position q (n,), at rest.
+    """Positions (N, n) at t from u (N, n), and q and dq (n,) of the first row.
 
     The links are at q + zero.
     """
+    q, speed = first
     step = max(float(np.median(np.diff(t))), LEAST_STEP)
     steps = np.arange(t[0], t[-1] + step, step)
     torque = np.stack([np.interp(steps + step, t, each) for each in command.T], axis=1)
     torque -= drive.offset
     inertia = np.diag(drive.armature / step + drive.viscous + drive.damping)
     inertia += step * np.diag(drive.stiffness)
-    speed = np.zeros(lib.n_joints)
     path = np.empty_like(torque)
     for k, push in enumerate(torque):
         path[k] = q

@@ -83,8 +83,8 @@ def law_gain(recording: Recording, lib: Library, plan: Recipe) -> tuple[Recipe, 
         f"URDF's links, and kp = {_shown(kp)} all of it (joints differ by {100 * spread:.0f} %): "
         "proposed, with kd in the same ratio; take the gains of the driver where they are known"
     )
-    found = Finding("law_gain", WARNING, sentence, {"factor": factor, "spread": spread})
-    return plan.replace(law=replace(law, kp=kp, kd=kd)), [found]
+    finding = Finding("law_gain", WARNING, sentence, {"factor": factor, "spread": spread})
+    return plan.replace(law=replace(law, kp=kp, kd=kd)), [finding]
 
 
 def _scaled(gain: Gain, factor: float) -> Gain:

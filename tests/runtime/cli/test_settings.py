@@ -203,6 +203,12 @@ def test_values_that_no_text_holds(key: str, value: str) -> None:
     assert len(str(fault.value)) < 500
 
 
+def test_bytes_of_another_code() -> None:
+    """Property: an argument that is no UTF-8, whose bytes Python keeps as surrogates."""
+    with pytest.raises(RuntimeFault, match="--settings expects Unicode text"):
+        params_of("excite", "--settings", "seed=\udcff")
+
+
 MOST, MOST_OF_A_COMMAND = 190, 16
 """Largest numbers of options of all commands together, and of one."""
 IDENTIFY = "robot recipe run method friction cutoff delay prior split out settings overwrite"

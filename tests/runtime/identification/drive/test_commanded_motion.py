@@ -47,6 +47,11 @@ def simulated(lib: Library) -> tuple[Array, Array, Array]:
     return t, wanted, q
 
 
+def at_rest(q: Array) -> tuple[Array, Array]:
+    """First row of a motion that starts from rest."""
+    return q, np.zeros_like(q)
+
+
 def delayed(instants: Array, t: Array, wanted: Array) -> Array:
     """Commands that act at some instants."""
     return np.column_stack([np.interp(instants - LATE, t, each) for each in wanted.T])
@@ -59,8 +64,8 @@ def test_mujoco_moves_the_same(lib: Library, simulated: tuple[Array, Array, Arra
     """
     t, wanted, q = simulated
     drive = drive_of(lib.n_joints)
-    command = KP * delayed(t, t, wanted)
-    path = commanded_motion(lib, lib.pi0, drive, t, command, q[0], np.zeros(lib.n_joints))
+    command, zero = KP * delayed(t, t, wanted), np.zeros(lib.n_joints)
+    path = commanded_motion(lib, lib.pi0, drive, t, command, at_rest(q[0]), zero)
     error = np.sqrt(np.mean((path - q) ** 2, axis=0))
     assert (error < 0.1 * np.sqrt(np.mean((wanted - q) ** 2, axis=0))).all()
     assert error.max() < 2e-3
@@ -81,7 +86,7 @@ def test_a_free_swing(lib: Library) -> None:
         q.append(plant.q[plant.places].copy())
         for _ in range(8):
             plant.advance()
-    path = commanded_motion(lib, lib.pi0, drive, t, np.zeros((len(t), n)), lib.home, zero)
+    path = commanded_motion(lib, lib.pi0, drive, t, np.zeros((len(t), n)), at_rest(lib.home), zero)
     assert path == pytest.approx(np.array(q), abs=0.04)
 
 
@@ -91,11 +96,10 @@ def test_friction_holds_and_gravity_bends(lib: Library) -> None:
     place, zero = lib.home, np.zeros(lib.n_joints)
     gravity = lib.inverse_dynamics(place, zero, zero, lib.pi0)
     stuck = np.tile(KP * place + gravity + 1.9 * SIZES, (len(t), 1))
-    held = commanded_motion(lib, lib.pi0, drive_of(n), t, stuck, place, zero)
+    held = commanded_motion(lib, lib.pi0, drive_of(n), t, stuck, at_rest(place), zero)
     assert held == pytest.approx(np.tile(place, (len(t), 1)), abs=1e-12)
-    free = commanded_motion(
-        lib, lib.pi0, drive_of(n, dry=0.0), t, np.tile(KP * place, (len(t), 1)), place, zero
-    )
+    command, drive = np.tile(KP * place, (len(t), 1)), drive_of(n, dry=0.0)
+    free = commanded_motion(lib, lib.pi0, drive, t, command, at_rest(place), zero)
     sag = KP * (place - free[-1])
     assert sag == pytest.approx(lib.inverse_dynamics(free[-1], zero, zero, lib.pi0), abs=1e-3)
 

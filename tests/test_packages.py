@@ -126,7 +126,7 @@ def test_the_wheel_alone(installed: Path, fr3: Library, tmp_path: Path) -> None:
     place |= {name: value for name, value in os.environ.items() if name.startswith(kept)}
     package = next(installed.parents[1].glob("lib/python*/site-packages/runtime"))
     before = {path: path.stat().st_mtime_ns for path in package.rglob("*.[ch]")}
-    done = run(installed, "-B", "-c", USE, cwd=tmp_path, env=place)
+    done = run(installed, "-c", USE, cwd=tmp_path, env=place)
     assert done.returncode == 0, done.stderr
     levels, m11, where = done.stdout.rsplit(maxsplit=2)
     assert Path(where).is_relative_to(package)

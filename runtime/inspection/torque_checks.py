@@ -222,10 +222,10 @@ def _harmless_cutoff(recording: Recording, lib: Library, usual: Preparation) -> 
 def _check_fit(checks: CheckRun, lib: Library, terms: Friction) -> None:
     """Delay of τ, whether it was measured, and what the model lacks."""
     torque_rows = checks.torque_rows(lib, terms)
-    matrix = model_fit.fit_rows(torque_rows)
+    fit = model_fit.fitted(torque_rows)
     tau = checks.recording.required("tau")
-    computed = model_fit.not_measured(torque_rows, matrix, tau)
-    gain = [] if computed or not checks.has_gains else model_fit.explained(torque_rows, matrix)
+    computed = model_fit.not_measured(torque_rows, fit, tau)
+    gain = [] if computed or not checks.has_gains else model_fit.explained(torque_rows, fit)
     late = (
         []
         if computed or any(f.kind == "torque_gain" for f in gain)
@@ -240,11 +240,11 @@ def _check_fit(checks: CheckRun, lib: Library, terms: Friction) -> None:
         )
         checks.plan = checks.plan.replace(preparation=shifted)
         torque_rows = checks.torque_rows(lib, terms)
-        matrix = model_fit.fit_rows(torque_rows)
-        computed = model_fit.not_measured(torque_rows, matrix, tau)
+        fit = model_fit.fitted(torque_rows)
+        computed = model_fit.not_measured(torque_rows, fit, tau)
         # What a tilt or a zero explained may have been the delay.
-        gain = model_fit.explained(torque_rows, matrix) if gain else []
-    strange = model_fit.unexplained(torque_rows, matrix, has_gains=checks.has_gains)
+        gain = model_fit.explained(torque_rows, fit) if gain else []
+    strange = model_fit.unexplained(torque_rows, fit, has_gains=checks.has_gains)
     if strange:  # what no bodies explain at any delay has none
         checks.plan, late = before, [each for each in late if each.kind != "time_shift"]
     checks.findings += late + strange + computed
@@ -259,8 +259,8 @@ def _check_fit(checks: CheckRun, lib: Library, terms: Friction) -> None:
         accused = any(f.level == WARNING for f in gain)
         no_tool = bool(accused or lib.placeholders)
         tool = [] if no_tool else model_fit.tool(torque_rows)
-        coupled = [] if accused else model_fit.coupling(torque_rows, matrix, terms)
-        other = [] if no_tool or tool else model_fit.other_robot(torque_rows, matrix)
+        coupled = [] if accused else model_fit.coupling(torque_rows, fit, terms)
+        other = [] if no_tool or tool else model_fit.other_robot(torque_rows, fit)
         checks.findings += tool + coupled + other
     checks.findings.append(model_fit.one_run(torque_rows.whole.duration))
 

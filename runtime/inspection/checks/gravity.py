@@ -63,6 +63,8 @@ FEW = 250
 TURNED = 0.02
 """Residual over torque from which on another direction is considered: a tilt of 2°."""
 _NAMES = {1.0: "as in the model", 0.0: "absent", -1.0: "reversed"}
+SIGNS, GRAVITIES = (1.0, -1.0), tuple(_NAMES)
+"""Signs of τ and factors of gravity that are compared, the present ones first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,9 +148,7 @@ def gravity(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding
     evidence_of_joints = torque_evidence(torque_rows)
     if evidence_of_joints.gravity_is_against and evidence_of_joints.friction_sign:
         return _by_friction(torque_rows.lib, plan, evidence_of_joints)
-    trials = [
-        _trial(torque_rows, sign, scale) for sign in (1.0, -1.0) for scale in (1.0, 0.0, -1.0)
-    ]
+    trials = _trials(torque_rows)
     present, best = trials[0], min(trials, key=lambda t: t.consistent)
     evidence = {
         f"tau {t.sign:+.0f}, gravity {t.gravity:+.0f}": [t.consistent, t.free] for t in trials
@@ -243,7 +243,7 @@ def _name(trial: SignTrial) -> str:
     return f"{sign} and gravity {_NAMES[trial.gravity]}"
 
 
-def _trial(torque_rows: TorqueRows, sign: float, scale: float) -> SignTrial:
+def _trials(torque_rows: TorqueRows) -> list[SignTrial]:
     """Fit consistent bodies, and unconstrained parameters, to ±τ with gravity s g."""
     lib, s = torque_rows.lib, torque_rows.samples
     step = max(1, len(s) // FEW)
@@ -252,23 +252,28 @@ def _trial(torque_rows: TorqueRows, sign: float, scale: float) -> SignTrial:
     still = np.zeros_like(few.q)
     full = lib.regressor(few.q, few.dq, few.ddq)
     falls = lib.regressor(few.q, still, still)
-    Y = full + (scale - 1.0) * falls
     weights = 1.0 / np.sqrt(np.mean(few.tau**2, axis=0) + 0.01 * np.mean(few.tau**2))
-    rows = (Y * weights[:, None]).reshape(len(few) * n, -1)
-    target = (sign * few.tau * weights).ravel()
+    target = (few.tau * weights).ravel()
     size = max(float(np.linalg.norm(target)), 1e-300)
     # Friction columns are projected out, so that only the bodies are constrained.
     friction = torque_rows.friction_rows().reshape(len(s), n, -1)[::step] * weights[:, None]
     basis = np.linalg.qr(friction.reshape(len(few) * n, -1))[0]
-    rows, target = rows - basis @ (basis.T @ rows), target - basis @ (basis.T @ target)
-    _, rest = least_squares(rows, target)
-    free = float(np.linalg.norm(rest)) / size
-    # Consistent fit: most probable bodies under a prior of next to no weight.
-    data = reduced_of(rows, target, len(few), max(len(target) - rows.shape[1], 1))
-    gamma = NONE * max(data.variance, 1e-6) / data.count
-    pi = solve(lib, convex_problem(data, prior_of(lib), gamma)).pi
-    loss = np.sqrt(max(2.0 * data.value(pi) * data.count, 0.0))
-    return SignTrial(sign, scale, float(loss) / size, free)
+    target = target - basis @ (basis.T @ target)
+    prior, trials = prior_of(lib), {}
+    for scale in GRAVITIES:
+        rows = ((full + (scale - 1.0) * falls) * weights[:, None]).reshape(len(few) * n, -1)
+        rows = rows - basis @ (basis.T @ rows)
+        _, rest = least_squares(rows, target)
+        free = float(np.linalg.norm(rest)) / size
+        for sign in SIGNS:
+            # Consistent fit: most probable bodies under a prior of next to no weight.
+            freedom = max(len(target) - rows.shape[1], 1)
+            data = reduced_of(rows, sign * target, len(few), freedom)
+            gamma = NONE * max(data.variance, 1e-6) / data.count
+            pi = solve(lib, convex_problem(data, prior, gamma)).pi
+            loss = np.sqrt(max(2.0 * data.value(pi) * data.count, 0.0))
+            trials[sign, scale] = SignTrial(sign, scale, float(loss) / size, free)
+    return [trials[sign, scale] for sign in SIGNS for scale in GRAVITIES]
 
 
 TILTED, SLIGHTLY = 0.6, 0.4

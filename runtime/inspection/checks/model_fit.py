@@ -5,6 +5,9 @@ bodies of this robot explain, a tool that the model lacks, gears that couple joi
 joint, another robot, and a torque that no sensor has measured.
 """
 
+from dataclasses import dataclass
+from functools import partial
+
 import numpy as np
 
 from runtime.common.tables import significant
@@ -53,21 +56,31 @@ SLOW = 0.05
 _DIFFERENCES = 4
 
 
-def fit_rows(torque_rows: TorqueRows) -> Array:
-    """Matrix W of the equations over [β; φ], (N n, n_b + n k)."""
+@dataclass(frozen=True, slots=True, eq=False)
+class UnconstrainedFit:
+    """Least squares of base parameters and friction."""
+
+    matrix: Array  # W of the equations over [β; φ], (N n, n_b + n k)
+    rest: Array  # T − W x, (N n,)
+
+
+def fitted(torque_rows: TorqueRows) -> UnconstrainedFit:
+    """The fit to rows of the torque."""
     s, lib = torque_rows.samples, torque_rows.lib
     base = lib.base_regressor(s.q, s.dq, s.ddq).reshape(len(s) * lib.n_joints, -1)
-    return np.hstack([base, torque_rows.friction_rows()])
+    matrix = np.hstack([base, torque_rows.friction_rows()])
+    return UnconstrainedFit(matrix, least_squares(matrix, s.tau.ravel())[1])
 
 
-def unexplained(torque_rows: TorqueRows, matrix: Array, *, has_gains: bool = True) -> list[Finding]:
+def unexplained(
+    torque_rows: TorqueRows, fit: UnconstrainedFit, *, has_gains: bool = True
+) -> list[Finding]:
     """A torque that no parameters of this robot explain."""
     tau = torque_rows.samples.tau
     if has_gains:
-        _, rest = least_squares(matrix, tau.ravel())
-        misfit = float(np.linalg.norm(rest) / np.linalg.norm(tau))
+        misfit = float(np.linalg.norm(fit.rest) / np.linalg.norm(tau))
     else:
-        misfit = _median_misfit(torque_rows, matrix)
+        misfit = _median_misfit(torque_rows, fit.matrix)
     if misfit < STRANGE:
         return []
     return [
@@ -175,7 +188,7 @@ def inflation_of(matrix: Array, errors: Array, weights: Array) -> float:
     return coloured_noise_of_rows(rows, errors * scale).inflation
 
 
-def coupling(torque_rows: TorqueRows, matrix: Array, terms: Friction) -> list[Finding]:
+def coupling(torque_rows: TorqueRows, fit: UnconstrainedFit, terms: Friction) -> list[Finding]:
     """Residual torques of two neighbours that follow the speed of each other.
 
     A motor that turns with two joints, R being its row of the gear matrix, loads both with its
@@ -185,30 +198,28 @@ def coupling(torque_rows: TorqueRows, matrix: Array, terms: Friction) -> list[Fi
     s, lib = torque_rows.samples, torque_rows.lib
     if any(name.startswith("motor_") for name in terms.columns):
         return []
-    _, rest = least_squares(matrix, s.tau.ravel())
-    errors = rest.reshape(-1, lib.n_joints)
-    inflation = inflation_of(matrix, errors, 1.0 / np.maximum(errors.var(axis=0), 1e-300))
+    errors = fit.rest.reshape(-1, lib.n_joints)
+    inflation = inflation_of(fit.matrix, errors, 1.0 / np.maximum(errors.var(axis=0), 1e-300))
     if len(errors) / inflation < INDEPENDENT:
         return []
-    shares = _shares(s.dq, s.ddq, errors)
+    share = partial(_share, s.dq, s.ddq, errors)
     pairs = []
     for j in range(lib.n_joints - 1):
         k = j + 1
+        least = min(share(j, k), share(k, j))
         others = [m for m in range(lib.n_joints) if m not in (j, k)]
-        by_chance = float(shares[np.ix_([j, k], others)].max(initial=0.0))
-        least = min(shares[j, k], shares[k, j])
-        if least > COUPLED and by_chance < ALONE * least:
-            pairs.append((j, k, float(least)))
+        if least > COUPLED and all(share(i, m) < ALONE * least for i in (j, k) for m in others):
+            pairs.append((j, k, least))
     if not pairs:
         return []
-    j, k, share = max(pairs, key=lambda pair: pair[2])
+    j, k, most = max(pairs, key=lambda pair: pair[2])
     names = lib.joint_names
     return [
         Finding(
             "gear_coupling",
             WARNING,
             f"the residuals of {names[j]} and {names[k]} follow the speed of each other "
-            f"({100 * share:.0f} % of their squares or more), as where a gear couples their "
+            f"({100 * most:.0f} % of their squares or more), as where a gear couples their "
             "motors; if it does, give the full matrix under [gear] and add motor_viscous, "
             "motor_coulomb, motor_rotor to the columns of [friction]",
             {"pairs": [[a, b, c] for a, b, c in pairs]},
@@ -216,23 +227,16 @@ def coupling(torque_rows: TorqueRows, matrix: Array, terms: Friction) -> list[Fi
     ]
 
 
-def _shares(dq: Array, ddq: Array, errors: Array) -> Array:
-    """Share of the squared residual of joint j that the drive of joint k explains, (n, n)."""
-    n = errors.shape[1]
-    shares = np.zeros((n, n))
-    for j in range(n):
-        drive = _drive(dq[:, j], ddq[:, j])
-        _, left = least_squares(drive, errors[:, j])
-        power = float(left @ left)
-        for k in range(n):
-            if k == j or power == 0:
-                continue
-            speeds = (dq[:, k], dq[:, k] + dq[:, j], dq[:, k] - dq[:, j])
-            for speed in speeds:
-                _, free = least_squares(drive, _drive(speed, ddq[:, k]))
-                _, after = least_squares(free, left)
-                shares[j, k] = max(shares[j, k], 1.0 - float(after @ after) / power)
-    return shares
+def _share(dq: Array, ddq: Array, errors: Array, j: int, k: int) -> float:
+    """Share of the squared residual of joint j that the drive of joint k explains."""
+    drive, shares = _drive(dq[:, j], ddq[:, j]), [0.0]
+    _, left = least_squares(drive, errors[:, j])
+    power = float(left @ left)
+    for speed in (dq[:, k], dq[:, k] + dq[:, j], dq[:, k] - dq[:, j]) if power else ():
+        _, free = least_squares(drive, _drive(speed, ddq[:, k]))
+        _, after = least_squares(free, left)
+        shares.append(1.0 - float(after @ after) / power)
+    return max(shares)
 
 
 def _drive(dq: Array, ddq: Array) -> Array:
@@ -240,15 +244,14 @@ def _drive(dq: Array, ddq: Array) -> Array:
     return np.column_stack([dq, np.tanh(dq / 0.05), ddq])
 
 
-def explained(torque_rows: TorqueRows, matrix: Array) -> list[Finding]:
+def explained(torque_rows: TorqueRows, fit: UnconstrainedFit) -> list[Finding]:
     """Gain of a joint, tilt of the base or encoder zero that explains what the fit leaves.
 
     The comparison of all causes needs no URDF; a gain must be that of the slope of τ on the torque
     of the URDF, too.
     """
     lib, s = torque_rows.lib, torque_rows.samples
-    _, rest = least_squares(matrix, s.tau.ravel())
-    power = rest.reshape(-1, lib.n_joints).var(axis=0)
+    power = fit.rest.reshape(-1, lib.n_joints).var(axis=0)
     weights = 1.0 / np.maximum(power, 1e-12 * power.max() + 1e-300)
     causes = causes_of_rows(lib, s, weights, lib.pi0)
     # A gain of 2.5 looks like a delay, too: the slope on the torque of the URDF decides.
@@ -302,7 +305,7 @@ def hidden_gains(torque_rows: TorqueRows) -> list[Finding]:
     return [Finding("hidden_gains", INFO, sentence, {"joints": hidden})]
 
 
-def other_robot(torque_rows: TorqueRows, matrix: Array) -> list[Finding]:
+def other_robot(torque_rows: TorqueRows, fit: UnconstrainedFit) -> list[Finding]:
     """Bodies of the URDF that are far from those of the log; friction is free in all fits.
 
         mismatch = (‖r_URDF‖² − ‖r_free‖²)^½ / (‖r_0‖² − ‖r_free‖²)^½
@@ -314,8 +317,8 @@ def other_robot(torque_rows: TorqueRows, matrix: Array) -> list[Finding]:
     tau, friction = s.tau.ravel(), torque_rows.friction_rows()
     urdf = lib.inverse_dynamics(s.q, s.dq, s.ddq, lib.pi0).ravel()
     free, by_urdf, none = (
-        float(np.sum(least_squares(columns, target)[1] ** 2))
-        for columns, target in ((matrix, tau), (friction, tau - urdf), (friction, tau))
+        float(np.sum(rest**2))
+        for rest in (fit.rest, *(least_squares(friction, t)[1] for t in (tau - urdf, tau)))
     )
     mismatch = float(np.sqrt(max(by_urdf - free, 0.0) / max(none - free, 1e-300)))
     if mismatch < OTHER or by_urdf - free < MISSED**2 * float(tau @ tau):
@@ -333,7 +336,7 @@ def other_robot(torque_rows: TorqueRows, matrix: Array) -> list[Finding]:
     ]
 
 
-def not_measured(torque_rows: TorqueRows, matrix: Array, raw_tau: Array) -> list[Finding]:
+def not_measured(torque_rows: TorqueRows, fit: UnconstrainedFit, raw_tau: Array) -> list[Finding]:
     """A torque that is the output of a model: it fits better than a measurement can.
 
     Three signs: a fit without constraints that is exact, noise below that of any sensor, and joints
@@ -342,12 +345,11 @@ def not_measured(torque_rows: TorqueRows, matrix: Array, raw_tau: Array) -> list
     raw_tau (N, n) [N·m, N].
     """
     tau = torque_rows.samples.tau
-    _, rest = least_squares(matrix, tau.ravel())
     size = np.sqrt(np.mean(tau**2, axis=0))
-    misfit = float(np.linalg.norm(rest) / np.linalg.norm(tau))
+    misfit = float(np.linalg.norm(fit.rest) / np.linalg.norm(tau))
     noise = noise_floor(raw_tau) / np.maximum(size, 1e-300)
     floor = float(np.median(noise))
-    friction = _share_of_friction(torque_rows, matrix, rest)
+    friction = _share_of_friction(torque_rows, fit)
     frictionless = friction < FRICTIONLESS and misfit < FITTED
     if misfit > PERFECT and not (floor < SILENT and misfit < GOOD) and not frictionless:
         return []
@@ -380,7 +382,7 @@ def noise_floor(values: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(differences**2, axis=0) / 70.0))
 
 
-def _share_of_friction(torque_rows: TorqueRows, matrix: Array, rest: Array) -> float:
+def _share_of_friction(torque_rows: TorqueRows, fit: UnconstrainedFit) -> float:
     """Residual without viscous and Coulomb columns over that with them.
 
     The median is over the joints that move, since a joint at rest shows no friction.
@@ -389,8 +391,8 @@ def _share_of_friction(torque_rows: TorqueRows, matrix: Array, rest: Array) -> f
     n_base = len(torque_rows.lib.base_columns)
     offsets = np.tile(np.eye(n), (len(torque_rows.samples), 1))
     tau = torque_rows.samples.tau.ravel()
-    _, without = least_squares(np.hstack([matrix[:, :n_base], offsets]), tau)
-    powers = [np.sum(each.reshape(-1, n) ** 2, axis=0) for each in (without, rest)]
+    _, without = least_squares(np.hstack([fit.matrix[:, :n_base], offsets]), tau)
+    powers = [np.sum(each.reshape(-1, n) ** 2, axis=0) for each in (without, fit.rest)]
     speed = np.sqrt(np.mean(torque_rows.samples.dq**2, axis=0))
     ratios = np.sqrt(powers[0] / np.maximum(powers[1], 1e-300))
     return float(np.median(ratios[speed >= SLOW * speed.max()]))

@@ -128,6 +128,12 @@ def test_currents_without_gains_keep_the_other_findings() -> None:
     assert plan.torque.gain is None
 
 
+def unfitted(rows: SimpleNamespace) -> model_fit.UnconstrainedFit:
+    """A fit that leaves the whole torque."""
+    tau = rows.samples.tau.ravel()
+    return model_fit.UnconstrainedFit(np.zeros((tau.size, 1)), tau)
+
+
 @pytest.mark.parametrize(
     ("slope", "tested", "is_reported"),
     [(1.6, 1.5, True), (0.6, 0.7, True), (1.6, 0.7, False), (0.6, 1.5, False), (1.3, 1.5, False)],
@@ -140,7 +146,7 @@ def test_gain_of_one_joint(monkeypatch, slope, tested, is_reported) -> None:
     monkeypatch.setattr(model_fit, "slopes_to_model", lambda _: slopes)
     robot = SimpleNamespace(n_joints=3, joint_names=("a", "b", "c"), pi0=np.zeros(30))
     rows = SimpleNamespace(lib=robot, samples=SimpleNamespace(tau=np.ones((4, 3))))
-    findings = model_fit.explained(rows, np.zeros((12, 1)))
+    findings = model_fit.explained(rows, unfitted(rows))
     assert [each.evidence["gain"] for each in findings] == ([slope] if is_reported else [])
 
 
@@ -151,7 +157,7 @@ def test_a_small_gain_is_stated_as_by_identify(lib, monkeypatch, share, kinds) -
     monkeypatch.setattr(model_fit, "causes_of_rows", lambda *_: Causes((best,)))
     monkeypatch.setattr(model_fit, "slopes_to_model", lambda _: (np.ones(7), np.ones(7, bool)))
     rows = SimpleNamespace(lib=lib, samples=SimpleNamespace(tau=np.ones((4, 7))))
-    findings = model_fit.explained(rows, np.zeros((28, 1)))
+    findings = model_fit.explained(rows, unfitted(rows))
     assert [each.kind for each in findings] == kinds
     for each in findings:
         assert each.level == INFO
@@ -168,7 +174,7 @@ def test_gear_that_couples_two_joints(monkeypatch) -> None:
     for size, count in ((1.0, 1), (0.0, 0)):
         samples = SimpleNamespace(tau=dq[:, ::-1] * [size, 1.0], dq=dq, ddq=ddq)
         rows = SimpleNamespace(lib=robot, samples=samples)
-        findings = model_fit.coupling(rows, np.zeros((800, 1)), Friction())
+        findings = model_fit.coupling(rows, unfitted(rows), Friction())
         assert len(findings) == count
         for each in findings:
             assert each.evidence["pairs"] == [[0, 1, pytest.approx(1.0)]]

@@ -2,12 +2,11 @@
 
 import functools
 import os
-import sys
 from collections.abc import Callable
 from contextvars import ContextVar
 from typing import ParamSpec, TypeVar
 
-from threadpoolctl import ThreadpoolController
+from threadpoolctl import threadpool_limits
 
 __all__ = ["cores", "one_blas_thread"]
 
@@ -27,8 +26,8 @@ def cores() -> int:
 def one_blas_thread(function: Callable[P, R]) -> Callable[P, R]:
     """Run a function with one BLAS thread; with a hundred columns further threads only wait.
 
-    On a busy machine of two cores the second thread made identification ten times slower. Only the
-    outermost call limits them.
+    On a busy machine of two cores the second thread made identification ten times slower. Finding
+    the libraries of the process takes 2 ms, so that only the outermost call does.
     """
 
     @functools.wraps(function)
@@ -37,15 +36,9 @@ def one_blas_thread(function: Callable[P, R]) -> Callable[P, R]:
             return function(*args, **kwargs)
         token = _INSIDE.set(True)
         try:
-            with _libraries(len(sys.modules)).limit(limits=1, user_api="blas"):
+            with threadpool_limits(limits=1, user_api="blas"):
                 return function(*args, **kwargs)
         finally:
             _INSIDE.reset(token)
 
     return limited
-
-
-@functools.lru_cache(maxsize=1)
-def _libraries(modules: int) -> ThreadpoolController:
-    """The BLAS libraries of the process: finding them takes 2 ms, and only an import adds one."""
-    return ThreadpoolController()

@@ -7,7 +7,6 @@ the same filter. `lagged` has the phase of a sensor instead.
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import lru_cache
 from math import gamma
 from types import ModuleType
 
@@ -56,12 +55,6 @@ def is_filtered(history: Iterable[str]) -> bool:
 
 def butterworth_sections(order: int, cutoff: float) -> FloatArray:
     """Second-order sections (s, 6) of a low-pass; the cut-off is relative to half the rate."""
-    return np.array(_sections(order, cutoff))
-
-
-@lru_cache(maxsize=64)
-def _sections(order: int, cutoff: float) -> FloatArray:
-    """The same: choices filter a log a dozen times, and a design takes as long as its filter."""
     return np.asarray(scipy_signal().butter(order, cutoff, output="sos"))
 
 

@@ -122,11 +122,16 @@ def _reads(kernel: Kernel) -> list[int]:
     reads = [0] * len(kernel.instructions)
     writer: dict[int, int] = {}  # place of the work vector → instruction; places are used again
     for k, step in enumerate(kernel.instructions):
-        for place in step.reads if step.op not in {ca.OP_INPUT, ca.OP_CONST} else ():
-            reads[writer[place]] += 2 if step.op in {ca.OP_SQ, ca.OP_TWICE} else 1
+        if step.op not in _SOURCES:
+            for place in step.reads:
+                reads[writer[place]] += 2 if step.op in _READ_TWICE else 1
         if step.op != ca.OP_OUTPUT:
             writer[step.writes[0]] = k
     return reads
+
+
+_SOURCES = frozenset((ca.OP_INPUT, ca.OP_CONST))
+_READ_TWICE = frozenset((ca.OP_SQ, ca.OP_TWICE))
 
 
 def _bare(value: str) -> str:

@@ -322,6 +322,7 @@ def _by_height(nodes: list[_Node]) -> list[int]:
     ready_at = [0] * len(nodes)
     # Change of the number of live values: its result, minus operands that it is the last to read.
     growth = [int(bool(node.feeds)) - sum(unread[m] == 1 for m in node.needs) for node in nodes]
+    far = [(-node.height, k) for k, node in enumerate(nodes)]
     done = [False] * len(nodes)
     ready = {k for k, count in enumerate(waits) if count == 0}
     order: list[int] = []
@@ -332,9 +333,9 @@ def _by_height(nodes: list[_Node]) -> list[int]:
             if not now:
                 break
             if alive < ALIVE:
-                chosen = min(now, key=lambda k: (-nodes[k].height, k))
+                chosen = min(now, key=far.__getitem__)
             else:
-                chosen = min(now, key=lambda k: (growth[k], -nodes[k].height, k))
+                chosen = min(now, key=lambda k: (growth[k], far[k]))
                 if growth[chosen] > 0 and any(growth[k] <= 0 for k in ready):
                     break  # wait: a statement that frees a register becomes ready
             ready.remove(chosen)

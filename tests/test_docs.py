@@ -39,7 +39,17 @@ NO_INDEX = {"config": {"lang": ["en"], "separator": " ", "pipeline": [], "fields
 """Of pages on which nobody searches: a browser takes a second to read the one of the site."""
 OF_SCRIPTS = {
     f"--{name}"
-    for name in ("update", "starts", "goals", "designs", "joints", "serve", "notebooks", "planted")
+    for name in (
+        "update",
+        "starts",
+        "goals",
+        "designs",
+        "joints",
+        "serve",
+        "notebooks",
+        "planted",
+        "advice",
+    )
 } | {
     f"--{name}"
     for name in (

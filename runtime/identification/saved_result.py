@@ -68,9 +68,8 @@ class SavedResult(Framed):
 
     def fitted_share(self, log: Recording) -> float:
         """Share of the rows of a log of `log_of` that the model was fitted to; 0 if unknown."""
-        if self.row_marks is None:
-            return 0.0
-        return share_of_rows(self.row_marks, row_hashes(log, with_torque=self.gains is None))
+        marks, torque = self.row_marks, self.gains is None
+        return 0.0 if marks is None else share_of_rows(marks, row_hashes(log, with_torque=torque))
 
     def log_of(
         self,

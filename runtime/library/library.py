@@ -154,6 +154,12 @@ def find(robot: str | os.PathLike[str]) -> RobotFolder:
     """
     if not isinstance(robot, str | os.PathLike):
         raise LibraryError(f"expected the name or folder of a robot, got {robot!r:.60}")
+    if Path(robot).is_file():
+        stem = Path(robot).stem
+        raise LibraryError(
+            f"expected the name or folder of a built robot, got the file '{robot}'; run: python -m "
+            f"symgen build --urdf {robot} --name {stem if NAME.fullmatch(stem) else 'NAME'}"
+        )
     if isinstance(robot, os.PathLike) or not NAME.fullmatch(robot):
         return RobotFolder(Path(robot), "the folder that was given")
     package = Path(__file__).parents[1]  # generated/ lies in it if installed, else beside it

@@ -1,8 +1,9 @@
 """Commands that `inspect` and `identify` print as advice, each run as it is printed.
 
-Logs: every fault of the tests in the logs of two virtual robots, and the published logs. A command
-works where it ends with 0, and `inspect` also with 1 if it wrote the recipe that it announces; such
-a recipe is then given to `identify`.
+Logs: every fault of the tests in the logs of two virtual robots, the published logs, a walking
+robot, and three that are identified with too few columns, by a method without bounds, or with
+joints at rest. A command works where it ends with 0, and `inspect` also with 1 if it wrote the
+recipe that it announces; such a recipe is then given to `identify`.
 """
 
 import contextlib
@@ -11,6 +12,7 @@ import re
 import shlex
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,9 +20,12 @@ from pathlib import Path
 import numpy as np
 
 from bench.faults import on_a_wall
+from bench.free_base import icub
 from bench.front import Sheet, tell
 from bench.real_logs import FURTHER, LOGS, bare, library_of
+from bench.same_results_inputs import icub_walking
 from runtime.library import load
+from runtime.recording import read_recording, write_recording
 from runtime.recording.recipes.recipe_file import recipe_text
 from symgen.cli.console import main
 from tests.runtime.faults import FAULTS
@@ -48,24 +53,29 @@ def study(shared: Path, builds: Path | None, only: str | None = None) -> Iterato
     """Run what the advice of every log names."""
     with tempfile.TemporaryDirectory() as scratch:
         root = Path(scratch)
-        for log, folder, words in _logs(shared, builds or root, root):
+        for log, folder, words, more in _logs(shared, builds or root, root):
             if only is None or only in log:
                 tell(log)
                 with contextlib.chdir(folder):
-                    for row in _followed(log, words):
+                    for row in _followed(log, words, more):
                         tell(f"  {'works' if row.works else 'FAILS'}: {row.command}")
                         yield row
 
 
-def _logs(shared: Path, builds: Path, root: Path) -> Iterator[tuple[str, Path, list[str]]]:
-    """Name, folder and words of every log."""
+Log = tuple[str, Path, list[str], Sequence[str]]
+"""Name, folder, words of both commands, and those of `identify` alone."""
+
+
+def _logs(shared: Path, builds: Path, root: Path) -> Iterator[Log]:
+    """Every log."""
+    yield from _further(shared, builds, root)
     for log in (*LOGS, *FURTHER):
         folder = root / log.name.replace(" ", "")
         folder.mkdir()
         place = bare(shared / "data" / log.place, folder / "raw")
         run = () if log.run is None else ("--run", log.run)
         robot = library_of(log.robot, shared, builds).folder
-        yield log.name, folder, [str(place), "--robot", str(robot), *run]
+        yield log.name, folder, [str(place), "--robot", str(robot), *run], ()
     models = shared / "models"
     arms = {
         "cobot": lambda: cobot(load("ur5e"), models / "universal_robots/ur10_robot.urdf"),
@@ -74,7 +84,33 @@ def _logs(shared: Path, builds: Path, root: Path) -> Iterator[tuple[str, Path, l
     for name, make in arms.items():
         arm = make()
         for k, fault in enumerate(FAULTS):
-            yield (f"{name}: {fault.name}", *_written(arm, fault.put(arm), root / f"{name}{k}"))
+            words = _written(arm, fault.put(arm), root / f"{name}{k}")
+            yield f"{name}: {fault.name}", *words, ()
+
+
+def _further(shared: Path, builds: Path, root: Path) -> Iterator[Log]:
+    """A log without a fixed base, and those whose advice no fault of a log brings out."""
+    folder = root / "icub"
+    folder.mkdir()
+    icub_walking(folder / "log.npz", shared)
+    robot = icub(shared / "data/icub_feet", builds).folder
+    yield "iCub, walking", folder, ["log.npz", "--robot", str(robot)], ()
+    clean = read_recording("fr3_simulated")
+    one, moves = np.arange(7) == 1, np.arange(7) < 2
+    resting = {"q": np.where(moves, clean.q, clean.q[0]), "dq": np.where(moves, clean.dq, 0.0)}
+    cases = {
+        "friction without offset": (
+            clean.replace(tau=clean.tau + 3.0 * one),
+            ("--friction", "viscous,coulomb"),
+        ),
+        "method ols": (clean, ("--method", "ols")),
+        "five joints at rest": (clean.replace(**resting), ()),
+    }
+    for k, (name, (log, more)) in enumerate(cases.items()):
+        folder = root / f"fr3_{k}"
+        folder.mkdir()
+        write_recording(log, folder / "log.npz")
+        yield f"FR3: {name}", folder, ["log.npz", "--robot", str(load("fr3").folder)], more
 
 
 def _written(arm: Arm, log, folder: Path) -> tuple[Path, list[str]]:
@@ -88,9 +124,9 @@ def _written(arm: Arm, log, folder: Path) -> tuple[Path, list[str]]:
     return folder, [*words, "--recipe", "recipe.toml"]
 
 
-def _followed(log: str, words: Sequence[str]) -> Iterator[Row]:
+def _followed(log: str, words: Sequence[str], more: Sequence[str]) -> Iterator[Row]:
     """Both commands of a user, then each command that they print."""
-    for source in (("inspect", *words), ("identify", *words, "--out", "out", *_OTHERS)):
+    for source in (("inspect", *words), ("identify", *words, *more, "--out", "out", *_OTHERS)):
         _, text = run(*source)
         for printed in dict.fromkeys(_COMMAND.findall(text)):
             command = re.split(r" \(|[.,]$", printed.strip())[0]
@@ -103,7 +139,7 @@ def _followed(log: str, words: Sequence[str]) -> Iterator[Row]:
                 recipe = said[said.index("--recipe-out") + 1]
                 works = code in {0, 1} and Path(recipe).is_file()
                 again = ("--recipe", recipe, "--out", "again", *_OTHERS, "--overwrite")
-                after = run("identify", *words, *again)[1] if works else after
+                after = run("identify", *words, *more, *again)[1] if works else after
             yield Row(log, source[0], doubt(text), command, code, works, doubt(after))
 
 
@@ -131,8 +167,10 @@ def doubt(text: str) -> str:
 
 
 def sheet(rows: list[Row]) -> Sheet:
-    """One line per command that failed, then the counts."""
-    failed = [row for row in rows if not row.works]
-    lines = [(row.log, row.command, str(row.code), row.after) for row in failed]
-    lines.append(("**all**", f"{len(rows)} commands", f"{len(failed)} failed", ""))
-    return Sheet("advice", ("log", "command", "exit code", "what it said"), lines, rows)
+    """Commands and those that work, by their name; failures below."""
+    kinds = Counter(row.command.split()[1] for row in rows)
+    works = Counter(row.command.split()[1] for row in rows if row.works)
+    lines = [(f"`{kind}`", str(count), str(works[kind])) for kind, count in kinds.most_common()]
+    lines.append(("**all**", f"**{kinds.total()}**", f"**{works.total()}**"))
+    failed = [f"{row.log}: {row.command} ({row.code}) {row.after}" for row in rows if not row.works]
+    return Sheet("advice", ("command", "printed", "works"), lines, rows, notes=failed)

@@ -140,17 +140,19 @@ of models that were fitted to the first half at `DRIVER_HZ` or in the band, with
 of the sensors, of the URDF with the mass that fits best, and of a constant; total mass."""
 
 
+def icub(data: Path, folder: Path) -> Library:
+    """iCub with the joints that its walking log holds; the others are locked."""
+    urdf = (data / "model.urdf").read_text()
+    document = Document(urdf)
+    logged = set(map(str, open_npz((data / "walking.npz").read_bytes(), "walking.npz")["joints"]))
+    moving = {name for name in document.joints if document.kind(name) in MOVING}
+    return library(urdf, "icub", folder, dict.fromkeys(sorted(moving - logged), 0.0))
+
+
 def walking(data: Path, folder: Path) -> Sheet:
     """iCub: first half of the log for the second half, at several low-passes."""
     log = open_npz((data / "walking.npz").read_bytes(), "walking.npz")
-    urdf = (data / "model.urdf").read_text()
-    document = Document(urdf)
-    still = [
-        name
-        for name in document.joints
-        if document.kind(name) in MOVING and name not in set(map(str, log["joints"]))
-    ]
-    lib = library(urdf, "icub", folder, dict.fromkeys(still, 0.0))
+    lib = icub(data, folder)
     arrays = {key: log[key] for key in ("q", "joints", "base_rpy")} | {
         "t": log["t"] - log["t"][0],
         "base_position": log["base_pos"],

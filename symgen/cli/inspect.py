@@ -50,6 +50,8 @@ def inspect_command(given: InspectSettings) -> None:
     python -m symgen inspect my.urdf --strict --json    (in a pipeline)
     python -m symgen inspect my.urdf --repair better.urdf
 
+    The page of a log: symgen inspect LOG --help.
+
     Errors are physically impossible: a negative mass, a principal moment larger than the sum of the
     other two, negative friction. Warnings are possible but rarely intended: a density above osmium
     or below foam, copied inertias, signs that contradict those of a mirrored link, a shifted

@@ -1,6 +1,7 @@
 """Commands that write generated folders and compare them: `build`, `check`."""
 
 import difflib
+import re
 import sys
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -341,7 +342,8 @@ def request_from_urdf(
     """The robot of a file of the user."""
     if name is None:
         raise BuildError(
-            "--urdf needs --name, the name of the folder and the prefix of the C functions"
+            "--urdf needs --name, the name of the folder and the prefix of the C functions, "
+            f"such as {re.sub('[^a-z0-9]+', '_', source.path.stem.lower())}"
         )
     if name in bundled_robots():
         raise BuildError(f"'{name}' is the name of a bundled robot; choose another --name")

@@ -133,7 +133,9 @@ def test_options_without_urdf(tiny: Path, capsys: pytest.CaptureFixture[str]) ->
 
 def test_urdf_without_name(tiny: Path, urdf: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Property: says what the name is for."""
-    assert "--urdf needs --name" in refuses(capsys, tiny.parent, "build", "--urdf", urdf)
+    said = refuses(capsys, tiny.parent, "build", "--urdf", urdf)
+    assert "--urdf needs --name" in said
+    assert said.rstrip().endswith(f"such as {urdf.stem}")
 
 
 def test_one_refusal_in_a_real_process(tmp_path: Path, urdf: Path) -> None:

@@ -84,7 +84,7 @@ def _by_content(blocks: tuple[ColumnBlock, ...]) -> Finding:
         WARNING,
         "the file has no header whose words are known; its columns, counted from 0, were assigned "
         "by their content: "
-        f"{spans}; check them, then write the recipe with --recipe-out, or correct its columns",
+        f"{spans}; check them, and correct them in the recipe that --recipe-out writes",
         {"table": rows},
     )
 
@@ -147,7 +147,7 @@ def _recipe(
                 "missing_clock",
                 ERROR,
                 "the log has no column of time, and no velocity to compute its rate from; give the "
-                "rate of the logger with the setting log_rate, or write rate_hz under [time] of "
+                "rate of the logger by --settings log_rate=HZ, or write rate_hz under [time] of "
                 "the recipe",
             )
         )

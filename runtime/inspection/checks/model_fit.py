@@ -349,8 +349,11 @@ def not_measured(torque_rows: TorqueRows, fit: UnconstrainedFit, raw_tau: Array)
     misfit = float(np.linalg.norm(fit.rest) / np.linalg.norm(tau))
     noise = noise_floor(raw_tau) / np.maximum(size, 1e-300)
     floor = float(np.median(noise))
-    friction = _share_of_friction(torque_rows, fit)
-    frictionless = friction < FRICTIONLESS and misfit < FITTED
+    speed = np.sqrt(np.mean(torque_rows.samples.dq**2, axis=0))
+    moves = speed >= SLOW * speed.max()  # a joint at rest shows no friction, and any model fits it
+    friction = _share_of_friction(torque_rows, fit, moves)
+    left = np.linalg.norm(fit.rest.reshape(tau.shape)[:, moves])
+    frictionless = friction < FRICTIONLESS and left < FITTED * np.linalg.norm(tau[:, moves])
     if misfit > PERFECT and not (floor < SILENT and misfit < GOOD) and not frictionless:
         return []
     why = (
@@ -382,17 +385,13 @@ def noise_floor(values: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(differences**2, axis=0) / 70.0))
 
 
-def _share_of_friction(torque_rows: TorqueRows, fit: UnconstrainedFit) -> float:
-    """Residual without viscous and Coulomb columns over that with them.
-
-    The median is over the joints that move, since a joint at rest shows no friction.
-    """
+def _share_of_friction(torque_rows: TorqueRows, fit: UnconstrainedFit, moves: Array) -> float:
+    """Residual without viscous and Coulomb columns over that with them, median of some joints."""
     n = torque_rows.lib.n_joints
     n_base = len(torque_rows.lib.base_columns)
     offsets = np.tile(np.eye(n), (len(torque_rows.samples), 1))
     tau = torque_rows.samples.tau.ravel()
     _, without = least_squares(np.hstack([fit.matrix[:, :n_base], offsets]), tau)
     powers = [np.sum(each.reshape(-1, n) ** 2, axis=0) for each in (without, fit.rest)]
-    speed = np.sqrt(np.mean(torque_rows.samples.dq**2, axis=0))
     ratios = np.sqrt(powers[0] / np.maximum(powers[1], 1e-300))
-    return float(np.median(ratios[speed >= SLOW * speed.max()]))
+    return float(np.median(ratios[moves]))

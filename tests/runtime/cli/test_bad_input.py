@@ -198,6 +198,10 @@ ROBOTS: dict[str, tuple[Case, str]] = {
         lambda _: ("identify", "good.csv", "--robot", "nope", "--out", "out"),
         "no generated robot is called 'nope' .* python -m symgen build",
     ),
+    "file of a robot": (
+        lambda _: ("identify", "good.csv", "--robot", "good.csv", "--out", "out"),
+        "got the file 'good.csv'; run: python -m symgen build --urdf good.csv --name good$",
+    ),
     "folder without one": (
         lambda _: ("identify", "good.csv", "--robot", ".", "--out", "out"),
         "holds no manifest.json; run: python -m symgen build",

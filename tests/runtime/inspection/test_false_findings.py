@@ -66,6 +66,19 @@ def test_currents_whose_gains_differ_in_sign_are_explained(
     assert "little_torque" not in {finding.kind for finding in result.findings}
 
 
+def test_joints_at_rest_are_no_exact_model(lib: Library, clean: Recording, saved) -> None:
+    """Property: constant torques of joints at rest fit any model; the joint that sweeps one way has
+    a ripple of friction that no column explains.
+    """
+    rng, q, dq = np.random.default_rng(1), np.tile(clean.q[0], (len(clean), 1)), 0.0 * clean.q
+    q[:, 0] = 0.3 * (clean.t - clean.t[0]) - 0.9
+    dq[:, 0] = 0.3
+    tau = lib.inverse_dynamics(q, dq, 0.0 * q, lib.pi0)
+    tau[:, 0] += 5.0 + 0.3 * np.sin(40.0 * q[:, 0])
+    result = inspect_log(saved(clean, q=q, dq=dq, tau=tau + rng.normal(0, 0.05, q.shape)), lib)
+    assert "not_measured" not in warned(result)
+
+
 def test_placeholders_are_compared_with_no_torque(
     lib: Library, clean: Recording, saved, monkeypatch: pytest.MonkeyPatch
 ) -> None:

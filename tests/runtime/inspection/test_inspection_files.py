@@ -69,7 +69,7 @@ def test_2_no_clock_at_all(lib: Library, clean: Recording, saved, tmp_path: Path
     silent = inspect_log(saved(clean, t=None, dq=None), lib)
     # Nothing is stated about speeds and times, such as rest, that a made-up clock would give.
     assert set(sentences(silent)) == {"missing_clock"}
-    assert "the setting log_rate" in sentences(silent)["missing_clock"]
+    assert "by --settings log_rate=HZ" in sentences(silent)["missing_clock"]
     assert "# rate_hz" in recipe_text(silent)
     assert sentences(inspect_log(saved(clean, t=None, dq=None), lib, rate_hz=100.0)) == {}
 

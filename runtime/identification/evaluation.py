@@ -22,7 +22,7 @@ from runtime.errors import RecordingError
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification import metrics
 from runtime.identification.identified import torque_of
-from runtime.identification.position_errors import PositionErrors, position_errors
+from runtime.identification.position_errors import PositionErrors, drive_term, position_errors
 from runtime.identification.prepared_log import preparation_of
 from runtime.identification.result_file import AnyResult, opened
 from runtime.identification.result_record import ErrorPercent, ErrorRms, error_parts
@@ -257,7 +257,7 @@ def evaluate(
         name = log.name if isinstance(log, Recording) else log
         notes.insert(0, WORSE.format(percent.after_overall, name))
     positions, unlike = position_errors(saved, lib, recording, prepared)
-    rotor = saved.drive_term("armature")
+    rotor = drive_term(saved, "armature")
     return Evaluation(
         robot=lib.name,
         method=saved.record.method,

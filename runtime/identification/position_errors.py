@@ -32,6 +32,12 @@ class PositionErrors:
     seconds: float  # length of the part
 
 
+def drive_term(saved: SavedResult, model_term: str) -> Array:
+    """Coefficients (n,) of the columns that stand for a term of simulators' joints."""
+    named = [COLUMNS[name].model_term == model_term for name in saved.friction.columns]
+    return np.maximum(saved.phi[:, named].sum(axis=1), 0.0)
+
+
 def position_errors(
     saved: SavedResult, lib: Library, recording: Recording, prepared: Recording
 ) -> tuple[PositionErrors | None, tuple[str, ...]]:
@@ -57,13 +63,13 @@ def position_errors(
     constant = [COLUMNS[name].is_constant for name in columns]
     # The law acts late as a whole, −K q(t − d) − D dq(t − d): to second order in d a torque of
     # −K q − (D − K d) dq − (K d²/2 − D d) ddq.
-    viscous = saved.drive_term("damping")
-    inertia = saved.drive_term("armature") + stiffness * late**2 / 2 - damping * late
+    viscous = drive_term(saved, "damping")
+    inertia = drive_term(saved, "armature") + stiffness * late**2 / 2 - damping * late
     drive = ServoDrive(
         stiffness,
         damping=np.maximum(damping - stiffness * late, -viscous),
         viscous=viscous,
-        dry=saved.drive_term("friction"),
+        dry=drive_term(saved, "friction"),
         offset=saved.phi[:, constant].sum(axis=1),
         armature=np.maximum(inertia, 0.0),
     )

@@ -26,7 +26,6 @@ from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.current_gains import CurrentGains
-from runtime.recording.friction import COLUMNS
 from runtime.recording.notebook import Framed
 from runtime.recording.reader import read_further
 from runtime.recording.recipes.recipe import Recipe
@@ -94,11 +93,6 @@ class SavedResult(Framed):
             log = read_further(place, recipe, run, lib.joint_names, self.recipe)
         recording = independent_joints(log, lib)
         return recording if self.gains is None else scaled(recording, self.gains)
-
-    def drive_term(self, model_term: str) -> Array:
-        """Coefficients (n,) of the columns that stand for a term of simulators' joints."""
-        named = [COLUMNS[name].model_term == model_term for name in self.friction.columns]
-        return np.maximum(self.phi[:, named].sum(axis=1), 0.0)
 
     def tables(self) -> tuple[Table, ...]:
         """Torque errors and bodies of the links."""

@@ -38,19 +38,31 @@ def _turned(log: Recording) -> Recording:
     return log.replace(q=log.q + np.radians([0, 0, 0, 3.0, 0, 0, 0]))
 
 
+def _lifted(log: Recording) -> Recording:
+    """The torque of joint 2 reads 3 N·m too much."""
+    return log.replace(tau=log.required("tau") + np.array([0, 3.0, 0, 0, 0, 0, 0]))
+
+
+def _same(log: Recording) -> Recording:
+    return log
+
+
 @pytest.mark.parametrize(
-    ("put", "code", "mark", "cause"),
+    ("put", "more", "code", "mark", "cause"),
     [
-        (_late, 0, "run: ", "too late"),
-        (_negated, 2, "proposed by: ", "against the model"),
-        (_exchanged, 0, "run: ", "exchanged"),
-        (_strong, 0, "run: ", "mostly by a torque gain"),
-        (_turned, 0, "run: ", "those of an encoder"),
+        (_late, (), 0, "run: ", "too late"),
+        (_negated, (), 2, "proposed by: ", "against the model"),
+        (_exchanged, (), 0, "run: ", "exchanged"),
+        (_strong, (), 0, "run: ", "mostly by a torque gain"),
+        (_turned, (), 0, "run: ", "those of an encoder"),
+        (_lifted, ("--friction", "viscous,coulomb"), 0, "run: ", "those of a constant torque"),
+        (_same, ("--method", "ols"), 0, "run: ", "not physically consistent"),
     ],
-    ids=["late", "negated", "exchanged", "gain", "encoder zero"],
+    ids=["late", "negated", "exchanged", "gain", "encoder zero", "offset", "method"],
 )
 def test_a_command_of_an_advice_removes_the_doubt(
     put,
+    more: tuple[str, ...],
     code: int,
     mark: str,
     cause: str,
@@ -63,7 +75,7 @@ def test_a_command_of_an_advice_removes_the_doubt(
     of the same kind.
     """
     write_recording(put(clean), tmp_path / "log.npz")
-    words = ("log.npz", "--robot", lib.folder, "--settings", "report=false", "--out", "out")
+    words = ("log.npz", "--robot", lib.folder, *more, "--settings", "report=false", "--out", "out")
     ran = command("identify", *words)
     assert ran.code == code, ran.err
     printed = (ran.out + ran.err).split(mark)[1].splitlines()[0]

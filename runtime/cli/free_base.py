@@ -9,7 +9,7 @@ from runtime.cli.identify_settings import IdentifySettings
 from runtime.cli.log_options import fractions_of
 from runtime.common.settings import FILE
 from runtime.common.tables import Table
-from runtime.common.terminal import command_line, say, show
+from runtime.common.terminal import VERBOSE, command_line, say, show
 from runtime.errors import IdentificationError
 from runtime.estimators.friction_bounds import OF
 from runtime.estimators.prior_file import PriorFile
@@ -145,14 +145,31 @@ def _sentences(record: ResultRecord) -> Iterator[str]:
                 yield f"drives: {column}{OF}{joint} {_with_sigma(each, error)}"
     for delay in record.delays:
         yield f"drives: {DELAY} {_with_sigma(delay.value, delay.sigma)}"
-    uncertain = () if record.uncertainty is None else record.uncertainty.links
-    for link, known in zip(record.links, uncertain, strict=True):
-        pairs = zip(PI_NAMES, known.verdicts, strict=True)
-        unknown = [name for name, verdict in pairs if verdict == PRIOR_DOMINATED]
-        if unknown:
-            yield f"link {link.name}: not identifiable {', '.join(unknown)}"
+    yield from _of_links(record)
     for note in record.warnings:
         yield f"note: {note}"
+
+
+def _of_links(record: ResultRecord) -> Iterator[str]:
+    """Parameters that the motion does not determine: of every link with --verbose, else a count."""
+    links = () if record.uncertainty is None else record.uncertainty.links
+    unknown = {
+        link.name: [
+            name
+            for name, verdict in zip(PI_NAMES, known.verdicts, strict=True)
+            if verdict == PRIOR_DOMINATED
+        ]
+        for link, known in zip(record.links, links, strict=True)
+    }
+    listed = {link: names for link, names in unknown.items() if names}
+    if VERBOSE.get():
+        for link, names in listed.items():
+            yield f"link {link}: not identifiable {', '.join(names)}"
+    elif listed:
+        yield (
+            f"links: this motion does not identify all parameters of {len(listed)} of "
+            f"{len(record.links)}; --verbose lists them"
+        )
 
 
 def _with_sigma(value: Any, sigma: Any) -> str:

@@ -216,8 +216,9 @@ def test_command_states_drives(
     path, out = tmp_path / "walk.npz", tmp_path / "out"
     np.savez(path, **arrays)  # type: ignore[arg-type]
     words = ("identify", path, "--robot", hopper.folder, "--cutoff", "15", "--out", out)
-    done = command(*words, "--friction", "viscous,rotor", "--delay", "0.012")
+    done = command(*words, "--friction", "viscous,rotor", "--delay", "0.012", "--verbose")
     assert done.code == 0, done.err
+    assert ": not identifiable " in done.out
     assert "drives: viscous of left_hip " in done.out
     assert "coulomb" not in done.out
     facts = json.loads((out / "result.json").read_text())

@@ -126,6 +126,8 @@ def test_command_states_the_sensors(hopper: Library, tmp_path: Path, command: Co
     assert done.code == 0, done.err
     assert "sensors: γ = +0.0" in done.out
     assert f"sensors: offset of {FEET[0]} " in done.out
+    assert "links: this motion does not identify all parameters of " in done.out
+    assert "not identifiable m" not in done.out
     facts = json.loads((tmp_path / "out" / "result.json").read_text())
     assert set(facts["sensors"]) == {*FEET, "sharing"}
     assert all(each["sigma"] > 0 for each in facts["sensors"].values())

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.common.tables import NOTHING, Table, number, percent
+from runtime.errors import SimulationError
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.recording import Recording
@@ -77,7 +78,10 @@ def position_errors(
     zero = np.array([part.encoder_bias or 0.0 for part in parts]) if parts else np.zeros(n)
     slope = np.polyfit(t[:FIRST] - t[0], recording.q[:FIRST], 1)[0]
     first = recording.q[0], slope if recording.dq is None else recording.dq[0]
-    q = commanded_motion(lib, saved.pi, drive, t[rows], moved[rows], first, zero)
+    try:
+        q = commanded_motion(lib, saved.pi, drive, t[rows], moved[rows], first, zero)
+    except SimulationError as fault:
+        return None, (f"positions are not predicted: {fault}",)
     errors = PositionErrors(
         commanded=_rms(command[rows] / stiffness - recording.q[rows]),
         predicted=_rms(q - recording.q[rows]),

@@ -15,10 +15,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from runtime.errors import SimulationError
 from runtime.library import Array, Library
 
 LEAST_STEP = 0.004
 """Least step [s]: half the step changes positions of servo arms by less than a count of 12 bits."""
+FAR = 1e4
+"""Position from which on a motion has diverged [rad, m]."""
 SWEEPS = 30
 DONE = 1e-9
 """Change of a speed at which the sweeps end [rad/s, m/s]."""
@@ -65,6 +68,11 @@ def commanded_motion(
         b = mass @ speed + drive.armature / step * speed + push - bias - drive.stiffness * q
         speed = _held(mass + inertia, b, drive.dry, speed)
         q = q + step * speed
+        if not np.abs(q).max() < FAR:
+            raise SimulationError(
+                f"the motion of the model diverged after {steps[k] - t[0]:.3g} s, as that of bodies "
+                "that cannot exist or of an unstable law; identify with the method map"
+            )
     return np.stack([np.interp(t, steps, each) for each in path.T], axis=1)
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from runtime.errors import SimulationError
 from runtime.identification.evaluation import evaluate
 from runtime.inspection import inspect_log
 from runtime.library import Array, Library
@@ -88,6 +89,15 @@ def test_a_free_swing(lib: Library) -> None:
             plant.advance()
     path = commanded_motion(lib, lib.pi0, drive, t, np.zeros((len(t), n)), at_rest(lib.home), zero)
     assert path == pytest.approx(np.array(q), abs=0.04)
+
+
+def test_bodies_that_cannot_exist_diverge(lib: Library) -> None:
+    """Property: the motion of negative masses ends in a sentence, not in numbers without bound."""
+    zero, t = np.zeros(lib.n_joints), np.arange(0, 3, 1 / RATE)
+    drive = ServoDrive(KP, zero, zero, zero, zero, zero)
+    push = np.tile(KP * lib.home, (len(t), 1))
+    with pytest.raises(SimulationError, match="diverged after"):
+        commanded_motion(lib, -lib.pi0, drive, t, push, at_rest(lib.home), zero)
 
 
 def test_friction_holds_and_gravity_bends(lib: Library) -> None:

@@ -70,7 +70,7 @@ def commanded_motion(
         q = q + step * speed
         if not np.abs(q).max() < FAR:
             raise SimulationError(
-                f"the motion of the model diverged after {steps[k] - t[0]:.3g} s, as that of bodies "
+                f"the motion of the model diverged after {steps[k] - t[0]:.3g} s, as of bodies "
                 "that cannot exist or of an unstable law; identify with the method map"
             )
     return np.stack([np.interp(t, steps, each) for each in path.T], axis=1)

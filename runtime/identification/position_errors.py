@@ -50,7 +50,7 @@ def position_errors(
     kp, kd, limit, gear = (per_joint("torque", key, value, n) for key, value in law.numbers.items())
     stiffness, damping = gear**2 * kp, gear**2 * kd
     if not stiffness.all():
-        return None, ()
+        return None, ("positions are not predicted: a joint whose kp is 0 follows no command",)
     if np.any(np.abs(tau) >= np.where(limit > 0, gear * limit, np.inf)):
         return None, ("positions are not predicted: rows at the effort limit hide the commands",)
     # As far as it is needed: with kd the log has dq.

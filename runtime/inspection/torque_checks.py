@@ -225,7 +225,9 @@ def _check_fit(checks: CheckRun, lib: Library, terms: Friction) -> None:
     fit = model_fit.fitted(torque_rows)
     tau = checks.recording.required("tau")
     computed = model_fit.not_measured(torque_rows, fit, tau)
-    gain = [] if computed or not checks.has_gains else model_fit.explained(torque_rows, fit)
+    # A tilt is one against the gravity of known links, a gain one of known masses.
+    judged = checks.has_gains and not (computed or lib.placeholders)
+    gain = model_fit.explained(torque_rows, fit) if judged else []
     late = (
         []
         if computed or any(f.kind == "torque_gain" for f in gain)

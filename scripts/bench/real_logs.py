@@ -110,6 +110,7 @@ LOGS = (
             "jitter": "time stamps of ROS, 10 ± 2 ms",
             "rest": "no joint moves before 6.8 s and after 68 s",
             "differentiation": "encoder counts differentiated twice at 100 Hz",
+            "torque_sign": "currents of arm 3 and 4 count against the weight that they carry",
         },
     ),
     PublishedLog(

@@ -226,8 +226,8 @@ def _check_fit(checks: CheckRun, lib: Library, terms: Friction) -> None:
     tau = checks.recording.required("tau")
     computed = model_fit.not_measured(torque_rows, fit, tau)
     # A tilt is one against the gravity of known links, a gain one of known masses.
-    judged = checks.has_gains and not (computed or lib.placeholders)
-    gain = model_fit.explained(torque_rows, fit) if judged else []
+    is_known = checks.has_gains and not (computed or lib.placeholders)
+    gain = model_fit.explained(torque_rows, fit) if is_known else []
     late = (
         []
         if computed or any(f.kind == "torque_gain" for f in gain)

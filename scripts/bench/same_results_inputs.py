@@ -145,22 +145,24 @@ def go2_walking(place: Path, shared: Path) -> None:
         np.savez(place.with_name(name), **log.arrays)
 
 
+def sage(path: Path, *names: str) -> list[np.ndarray]:
+    """Time [s] and lists of joints of a file of SAGE."""
+    with gzip.open(path, "rt", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    t = 1e-6 * np.array([float(row["timestamp"]) for row in rows])
+    return [t, *(np.array([json.loads(row[name]) for row in rows]) for name in names)]
+
+
 def so101(place: Path, shared: Path) -> None:
     """Folder of the motions of a servo arm, clock of the state [µs → s], currents without sign.
 
     They count against gravity: of either sign this is the one that identify does not refuse.
     """
     place.mkdir(exist_ok=True)
-    signals = {"q": "positions", "dq": "velocities", "tau": "torques"}
     for path in sorted((shared / "data/so101_sage").glob("*.state_motor.csv.gz")):
-        with gzip.open(path, "rt", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
-        log = {k: np.array([json.loads(row[name]) for row in rows]) for k, name in signals.items()}
-        t = 1e-6 * np.array([float(row["timestamp"]) for row in rows])
-        _csv(
-            place / path.name.replace(".state_motor.csv.gz", ".csv"),
-            log | {"t": t, "tau": -log["tau"]},
-        )
+        t, q, dq, tau = sage(path, "positions", "velocities", "torques")
+        name = path.name.replace(".state_motor.csv.gz", ".csv")
+        _csv(place / name, {"q": q, "dq": dq, "tau": -tau, "t": t})
 
 
 def text(words: str) -> Callable[[Path, Path], None]:

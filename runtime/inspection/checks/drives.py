@@ -77,25 +77,20 @@ def law_gain(recording: Recording, lib: Library, plan: Recipe) -> tuple[Recipe, 
     factor, spread = 1 / inverse, sigma / inverse
     if abs(np.log(factor)) < max(np.log(WRONG_GAIN), CLEAR * spread):
         return plan, []
-    kp, kd = (_scaled(gain, factor) for gain in (law.kp, law.kd))
+    other = replace(law, kp=_scaled(law.kp, factor), kd=_scaled(law.kd, factor))
     sentence = (
-        f"the law with kp = {_shown(law.kp)} carries {100 * inverse:.3g} % of the weight of the "
-        f"URDF's links, and kp = {_shown(kp)} all of it (joints differ by {100 * spread:.0f} %): "
-        "proposed, with kd in the same ratio; take the gains of the driver where they are known"
+        f"the {law} carries {100 * inverse:.3g} % of the weight of the URDF's links, and the "
+        f"{other} all of it (joints differ by {100 * spread:.0f} %): proposed; take the gains of "
+        "the driver where they are known"
     )
     finding = Finding("law_gain", WARNING, sentence, {"factor": factor, "spread": spread})
-    return plan.replace(law=replace(law, kp=kp, kd=kd)), [finding]
+    return plan.replace(law=other), [finding]
 
 
 def _scaled(gain: Gain, factor: float) -> Gain:
     if isinstance(gain, tuple):
         return tuple(float(f"{factor * x:.3g}") for x in gain)
     return gain if isinstance(gain, str) else float(f"{factor * gain:.3g}")
-
-
-def _shown(gain: Gain) -> str:
-    listed = [f"{x:.3g}" for x in (gain if isinstance(gain, tuple) else (gain,))]
-    return listed[0] if len(set(listed)) == 1 else f"[{', '.join(listed)}]"
 
 
 def friction_of(recording: Recording, lib: Library, plan: Recipe) -> Friction:

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.faults import on_a_wall
+from bench.faults import virtual_arms
 from bench.free_base import icub
 from bench.front import Sheet, tell
 from bench.real_logs import FURTHER, LOGS, bare, library_of
@@ -29,7 +29,7 @@ from runtime.recording import read_recording, write_recording
 from runtime.recording.recipes.recipe_file import recipe_text
 from symgen.cli.console import main
 from tests.runtime.faults import FAULTS
-from tests.runtime.virtual_arms import Arm, cobot, wall_arm
+from tests.runtime.virtual_arms import Arm
 
 PROGRAM = "symgen"
 _COMMAND = re.compile(rf"\b{PROGRAM} [a-z]+ (?=-|[A-Z]+\b|\S*[./])[^;\n]*")
@@ -76,15 +76,10 @@ def _logs(shared: Path, builds: Path, root: Path) -> Iterator[Log]:
         run = () if log.run is None else ("--run", log.run)
         robot = library_of(log.robot, shared, builds).folder
         yield log.name, folder, [str(place), "--robot", str(robot), *run], ()
-    models = shared / "models"
-    arms = {
-        "cobot": lambda: cobot(load("ur5e"), models / "universal_robots/ur10_robot.urdf"),
-        "wall": lambda: wall_arm(on_a_wall(models, builds), models / "xarm7/xarm7.urdf"),
-    }
-    for name, make in arms.items():
+    for name, make in virtual_arms(shared / "models", builds).items():
         arm = make()
         for k, fault in enumerate(FAULTS):
-            words = _written(arm, fault.put(arm), root / f"{name}{k}")
+            words = _written(arm, fault.put(arm), root / f"{name}{k}".replace(" ", "_"))
             yield f"{name}: {fault.name}", *words, ()
 
 

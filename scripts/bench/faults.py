@@ -6,17 +6,16 @@ to one log of each robot and predicts the torque of another motion; the preparat
 which `inspect` proposes for the first.
 """
 
-import dataclasses
 import tempfile
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from bench.front import Sheet
-from bench.real_logs import library_of
+from bench.real_logs import Row, inspected, library_of, loud
 from runtime.errors import RuntimeFault
 from runtime.estimators.choice.default_friction import DEFAULT_COLUMNS, choose_default_friction
 from runtime.estimators.choice.friction_choice import choose_friction
@@ -26,7 +25,7 @@ from runtime.identification.identified import Identification
 from runtime.identification.prepared_log import usable_columns
 from runtime.identification.settings import Settings
 from runtime.identification.single_log import identify_recording as fit
-from runtime.inspection import INFO, inspect_log
+from runtime.inspection import Finding, inspect_log
 from runtime.library import Library, load
 from runtime.recording import Friction, Recording, read_recording
 from runtime.recording.preprocessing import prepare
@@ -35,36 +34,36 @@ from symgen.make.pipeline import build
 from symgen.make.request import BuildRequest
 from tests.robots import ONE_LEVEL
 from tests.runtime.faults import FAULTS
-from tests.runtime.virtual_arms import WALL, Arm, Log, cobot, wall_arm
+from tests.runtime.virtual_arms import WALL, Arm, cobot, wall_arm
 
 CLEAN = "clean"
+RIGHT, OTHER = "named", "not named"
 REAL = (("panda_gaz", "fr3"), ("tx40_figaroh", "tx40"), ("lwr4_flobaroid", "kuka_lwr4"))
 """Published logs with their recipes, and the robots that they are of."""
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
-    """Result of one log."""
-
-    robot: str
-    fault: str  # name of the fault, "clean" for none
-    is_right: bool  # joint, size or place is right
-    kinds: tuple[str, ...]  # warnings and errors
-
-
 def study(shared: Path, seed: int | None) -> list[Row]:
     """Inspect the clean logs and all faulty ones."""
-    models = shared / "models"
     seeds = {} if seed is None else {"seed": seed}
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
-        wall = on_a_wall(models, root)
-        arms = {
-            "cobot": cobot(load("ur5e"), models / "universal_robots/ur10_robot.urdf", **seeds),
-            "arm on a wall": wall_arm(wall, models / "xarm7/xarm7.urdf", **seeds),
-        }
-        rows = [row for name, arm in arms.items() for row in _rows(name, arm, root)]
-        return rows + [_real(name, robot, shared, root) for name, robot in REAL]
+        arms = virtual_arms(shared / "models", root)
+        rows = [row for name, arm_of in arms.items() for row in _rows(name, arm_of(**seeds))]
+        for name, robot in REAL:
+            lib = library_of(robot, shared, root)
+            rows.append(
+                _row(name, CLEAN, loud([*inspect_log(shared / "data" / name, lib, name).findings]))
+            )
+        return rows
+
+
+def virtual_arms(models: Path, root: Path) -> dict[str, Callable[..., Arm]]:
+    """What makes the two virtual robots."""
+    ur10, xarm7 = models / "universal_robots/ur10_robot.urdf", models / "xarm7/xarm7.urdf"
+    return {
+        "cobot": partial(cobot, load("ur5e"), ur10),
+        "arm on a wall": partial(wall_arm, on_a_wall(models, root), xarm7),
+    }
 
 
 def on_a_wall(models: Path, root: Path) -> Library:
@@ -74,48 +73,38 @@ def on_a_wall(models: Path, root: Path) -> Library:
     return load(build(BuildRequest("iiwa14_wall", urdf, options), root, levels=ONE_LEVEL).folder)
 
 
-def _rows(robot: str, arm: Arm, root: Path) -> Iterator[Row]:
+def _rows(robot: str, arm: Arm) -> Iterator[Row]:
     """The clean log, then every fault."""
-    kinds = tuple(f.kind for f in _loud(arm, arm.log, root))
-    yield Row(robot, CLEAN, not kinds, kinds)
+    yield _row(robot, CLEAN, loud(inspected(arm.log.arrays, arm.lib, arm.log.recipe)))
     for fault in FAULTS:
-        findings = _loud(arm, fault.put(arm), root)
+        log = fault.put(arm)
+        findings = loud(inspected(log.arrays, arm.lib, log.recipe))
         right = any(f.kind in fault.kinds and fault.states(arm, f) for f in findings)
-        yield Row(robot, fault.name, right, tuple(f.kind for f in findings))
+        yield _row(robot, fault.name, findings, right)
 
 
-def _loud(arm: Arm, log: Log, root: Path) -> list:
-    """Warnings and errors of one log."""
-    np.savez(root / "log.npz", **log.arrays)
-    findings = inspect_log(root / "log.npz", arm.lib, log.recipe).findings
-    return [f for f in findings if f.level != INFO]
-
-
-def _real(name: str, robot: str, shared: Path, root: Path) -> Row:
-    """A published log, read with its recipe."""
-    found = inspect_log(shared / "data" / name, library_of(robot, shared, root), name).findings
-    kinds = tuple(f.kind for f in found if f.level != INFO)
-    return Row(name, CLEAN, not kinds, kinds)
+def _row(robot: str, fault: str, findings: list[Finding], right: bool = False) -> Row:
+    is_right = right or (fault == CLEAN and not findings)
+    return Row(robot, tuple(f.kind for f in findings), fault, RIGHT if is_right else OTHER)
 
 
 def sheet(rows: list[Row]) -> Sheet:
     """One line per fault, one column per virtual robot, then the counts."""
-    robots = list(dict.fromkeys(row.robot for row in rows if row.fault != CLEAN))
-    found = {(row.robot, row.fault): row for row in rows}
+    robots = list(dict.fromkeys(row.log for row in rows if row.fault != CLEAN))
+    found = {(row.log, row.fault): row for row in rows}
     faults = [each.name for each in FAULTS]
     lines = [(name, *(_cell(found[r, name]) for r in robots)) for name in (CLEAN, *faults)]
-    right = [sum(found[robot, name].is_right for name in faults) for robot in robots]
+    right = [sum(found[robot, name].outcome == RIGHT for name in faults) for robot in robots]
     lines.append(("named rightly", *(f"**{count} of {len(faults)}**" for count in right)))
-    real = [row for row in rows if row.robot not in robots]
-    said = ", ".join(f"`{row.robot}` {', '.join(row.kinds) or 'none'}" for row in real)
+    real = [row for row in rows if row.log not in robots]
+    said = ", ".join(f"`{row.log}` {', '.join(row.kinds) or 'none'}" for row in real)
     below = f"\nWarnings and errors on real logs with their recipes: {said}."
     return Sheet("fault_table", ("fault", *robots), lines, rows, below=below)
 
 
 def _cell(row: Row) -> str:
     """Findings of one log; those that do not name the fault are marked."""
-    kinds = ", ".join(f"`{kind}`" for kind in row.kinds) or "no warning"
-    return kinds if row.is_right else f"{kinds} (not named)"
+    return (row.shown or "no warning") + ("" if row.outcome == RIGHT else f" ({OTHER})")
 
 
 METHODS = ("map", "pc-ols", "adam", "ols", "wls")
@@ -145,30 +134,29 @@ class Error:
 
 def defaults(shared: Path, methods: tuple[str, ...] = METHODS) -> list[Error]:
     """Fit every setting to the training log of both robots."""
-    models = shared / "models"
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
-        wall = on_a_wall(models, root)
-        ur10, xarm7 = models / "universal_robots/ur10_robot.urdf", models / "xarm7/xarm7.urdf"
-        first, second = partial(cobot, load("ur5e"), ur10), partial(wall_arm, wall, xarm7)
+        arms = virtual_arms(shared / "models", root).items()
         return [
-            *_errors("cobot", first, 1 + OTHER_MOTION, methods, root),
-            *_errors("arm on a wall", second, 2 + OTHER_MOTION, methods, root),
+            error
+            for seed, (robot, arm_of) in enumerate(arms, 1)
+            for error in _errors(
+                robot, arm_of(), arm_of(motion_seed=seed + OTHER_MOTION), methods, root
+            )
         ]
 
 
 def _errors(
-    robot: str, arm_of: Callable[..., Arm], other: int, methods: tuple[str, ...], root: Path
+    robot: str, arm: Arm, unseen: Arm, methods: tuple[str, ...], root: Path
 ) -> Iterator[Error]:
     """Every setting on one robot."""
-    arm, unseen = arm_of(), arm_of(motion_seed=other)
     lib = arm.lib
     train, test = (_recording(each, arm, root) for each in (arm, unseen))
     default = choose_default_friction(train, lib, allowed=usable_columns(["map"])).terms
     coulomb = choose_default_friction(train, lib, allowed=DEFAULT_COLUMNS).terms
     plain = Friction(COLUMNS["+ rotor"], coulomb.coulomb_speed)
     models = {DEFAULT: default} | {
-        name: dataclasses.replace(plain, columns=names) for name, names in COLUMNS.items()
+        name: replace(plain, columns=names) for name, names in COLUMNS.items()
     }
     models[AUTO] = choose_friction(train, lib, extra=("rotor",)).chosen.terms
     for name, terms in models.items():

@@ -9,15 +9,15 @@ taken as measured ones.
 
 import tempfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from bench.front import Sheet
-from bench.real_logs import library_of
-from runtime.inspection import INFO, Finding, inspect_log
+from bench.real_logs import Row, inspected, library_of, loud
+from runtime.inspection import Finding
 from runtime.library import Array, Library
 from runtime.recording import read_recording
 
@@ -33,6 +33,19 @@ LOGS = (
 LATE_S, GAIN = (0.0, 0.01, 0.03, 0.1), 2.5
 DELAY = "delay"
 NAMED, STATED, SILENT, WRONG = "named", "stated", "silent", "wrong"
+UNCHANGED = "unchanged"
+SIDES, MOVES = ("tau",), ("q", "dq")
+OF_JOINT = (
+    ("torque 0", ("constant_torque",), SIDES, 0.0),
+    ("torque negated", ("torque_sign",), SIDES, -1.0),
+    ("motion negated", ("position_sign",), MOVES, -1.0),
+    (f"gain × {GAIN}", ("torque_gain", "torque_unit"), SIDES, GAIN),
+)
+OF_PAIR = (
+    ("torques exchanged", ("torque_order",), SIDES),
+    ("motions exchanged", ("position_order", "joint_order"), MOVES),
+)
+"""Name, kinds of the findings that name it, signals and their factor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,17 +59,6 @@ class Plant:
     late: float | None = None  # delay of the torque [s]
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
-    """Result of one fault."""
-
-    log: str
-    fault: str
-    joints: tuple[int, ...]
-    outcome: str
-    kinds: tuple[str, ...]  # warnings that the unchanged log does not have
-
-
 def study(shared: Path, builds: Path | None, only: str | None = None) -> Iterator[Row]:
     """Inspect the unchanged logs, then every fault."""
     with tempfile.TemporaryDirectory() as scratch:
@@ -66,10 +68,10 @@ def study(shared: Path, builds: Path | None, only: str | None = None) -> Iterato
                 continue
             lib = library_of(robot, shared, root)
             arrays = arrays_of(shared / "data" / place, step)
-            usual = warned(arrays, lib, Path(scratch))
-            yield Row(name, "unchanged", (), SILENT, tuple(f.kind for f in usual[0]))
+            usual = inspected(arrays, lib)
+            yield Row(name, tuple(f.kind for f in loud(usual)), UNCHANGED, SILENT)
             for plant in plants(arrays, lib):
-                yield _row(name, plant, usual, warned(plant.arrays, lib, Path(scratch)), lib)
+                yield _row(name, plant, usual, inspected(plant.arrays, lib), lib)
 
 
 def arrays_of(place: Path, step: int) -> Arrays:
@@ -80,89 +82,50 @@ def arrays_of(place: Path, step: int) -> Arrays:
     return {key: part[::step] for key, part in parts.items() if part is not None}
 
 
-def warned(arrays: Arrays, lib: Library, folder: Path) -> tuple[list[Finding], list[Finding]]:
-    """Warnings and errors, and all findings, of one log."""
-    np.savez(folder / "log.npz", **arrays)
-    findings = [*inspect_log(folder / "log.npz", lib).findings]
-    return [f for f in findings if f.level != INFO], findings
-
-
 def plants(log: Arrays, lib: Library) -> Iterator[Plant]:
     """All faults of one log; wrong joints are neighbours."""
     n = lib.n_joints
-    sides, moves = ["tau"], [key for key in ("q", "dq") if key in log]
 
-    def changed(keys: list[str], change: object) -> Arrays:
-        return log | {key: change(log[key]) for key in keys}  # type: ignore[operator]
+    def changed(keys: tuple[str, ...], change: Callable[[Array], Array]) -> Arrays:
+        return log | {key: change(log[key]) for key in keys if key in log}
 
     for j in range(n):
-        here = np.arange(n) == j
-        sign = np.where(here, -1.0, 1.0)
-        yield Plant(
-            "torque 0", ("constant_torque",), (j,), changed(sides, lambda x, z=here: x * ~z)
-        )
-        yield Plant(
-            "torque negated", ("torque_sign",), (j,), changed(sides, lambda x, s=sign: x * s)
-        )
-        yield Plant(
-            "motion negated", ("position_sign",), (j,), changed(moves, lambda x, s=sign: x * s)
-        )
-        factor = np.where(here, GAIN, 1.0)
-        yield Plant(
-            f"gain × {GAIN}",
-            ("torque_gain", "torque_unit"),
-            (j,),
-            changed(sides, lambda x, f=factor: x * f),
-        )
+        for name, kinds, keys, factor in OF_JOINT:
+            factors = np.where(np.arange(n) == j, factor, 1.0)
+            yield Plant(name, kinds, (j,), changed(keys, lambda x, f=factors: x * f))
     for j in range(n - 1):
         order = np.arange(n)
         order[[j, j + 1]] = j + 1, j
-        pair = (j, j + 1)
-        yield Plant(
-            "torques exchanged",
-            ("torque_order",),
-            pair,
-            changed(sides, lambda x, o=order: x[..., o]),
-        )
-        yield Plant(
-            "motions exchanged",
-            ("position_order", "joint_order"),
-            pair,
-            changed(moves, lambda x, o=order: x[..., o]),
-        )
-    yield Plant("every torque negated", ("torque_sign",), (), changed(sides, lambda x: -x))
-    yield Plant("torque in mN·m", ("torque_unit",), (), changed(sides, lambda x: 1e3 * x))
-    yield Plant("degrees", ("position_unit",), (), changed(moves, np.degrees))
+        for name, kinds, keys in OF_PAIR:
+            moved = changed(keys, lambda x, o=order: x[..., o])
+            yield Plant(name, kinds, (j, j + 1), moved)
+    yield Plant("every torque negated", ("torque_sign",), (), changed(SIDES, lambda x: -x))
+    yield Plant("torque in mN·m", ("torque_unit",), (), changed(SIDES, lambda x: 1e3 * x))
+    yield Plant("degrees", ("position_unit",), (), changed(MOVES, np.degrees))
     still = np.zeros_like(log["q"])
     falls = lib.inverse_dynamics(log["q"], still, still, lib.pi0)
-    yield Plant("gravity reversed", ("gravity",), (), changed(sides, lambda x: x - 2 * falls))
+    yield Plant("gravity reversed", ("gravity",), (), changed(SIDES, lambda x: x - 2 * falls))
     for late in LATE_S:
         shifted = np.stack([np.interp(log["t"] - late, log["t"], x) for x in log["tau"].T], axis=1)
         yield Plant(f"{1e3 * late:.0f} ms late", ("time_shift",), (), log | {"tau": shifted}, late)
 
 
-def _row(
-    log: str,
-    plant: Plant,
-    usual: tuple[list[Finding], list[Finding]],
-    seen: tuple[list[Finding], list[Finding]],
-    lib: Library,
-) -> Row:
+def _row(log: str, plant: Plant, usual: list[Finding], seen: list[Finding], lib: Library) -> Row:
     """Whether the fault is named, stated as hidden, not mentioned, or something else is accused."""
-    before = {f.kind for f in usual[0]}
-    right = [f for f in seen[0] if f.kind in plant.kinds or _is_rival(f, plant)]
+    before = {f.kind for f in loud(usual)}
+    right = [f for f in loud(seen) if f.kind in plant.kinds or _is_rival(f, plant)]
     right = [f for f in right if all(_has(f, j, lib) for j in plant.joints)]
-    kinds = [f.kind for f in seen[0] if f.kind not in before]
+    kinds = [f.kind for f in loud(seen) if f.kind not in before]
     others = [kind for kind in kinds if kind not in {f.kind for f in right}]
-    is_named = bool(right) if plant.late is None else _contains(plant.late, usual[1], seen[1])
+    is_named = bool(right) if plant.late is None else _contains(plant.late, usual, seen)
     outcome = SILENT
     if is_named:
         outcome = NAMED
     elif others:
         outcome = WRONG
-    elif _is_stated(plant, seen[1]):
+    elif _is_stated(plant, seen):
         outcome = STATED
-    return Row(log, plant.name, plant.joints, outcome, tuple(kinds))
+    return Row(log, tuple(kinds), plant.name, outcome, plant.joints)
 
 
 def _is_stated(plant: Plant, findings: list[Finding]) -> bool:
@@ -203,18 +166,14 @@ def _has(finding: Finding, joint: int, lib: Library) -> bool:
 def sheet(rows: list[Row]) -> Sheet:
     """One line per fault, one column per log: joints whose fault is named, and the others."""
     logs = list(dict.fromkeys(row.log for row in rows))
-    names = [name for name in dict.fromkeys(row.fault for row in rows) if name != "unchanged"]
+    names = [name for name in dict.fromkeys(row.fault for row in rows) if name != UNCHANGED]
     lines = []
     for name in names:
         cells = [[r.outcome for r in rows if r.fault == name and r.log == log] for log in logs]
         lines.append((name, *(_cell(Counter(cell)) for cell in cells)))
     every = [Counter(r.outcome for r in rows if r.log == log and r.fault in names) for log in logs]
     lines.append(("**all**", *(f"**{_cell(each)}**" for each in every)))
-    unchanged = {
-        r.log: ", ".join(f"`{k}`" for k in r.kinds) or "none"
-        for r in rows
-        if r.fault == "unchanged"
-    }
+    unchanged = {r.log: r.shown or "none" for r in rows if r.fault == UNCHANGED}
     lines.append(("warnings on the unchanged log", *(unchanged[log] for log in logs)))
     notes = [
         f"{r.log}, {r.fault} {r.joints}: {r.outcome} ({', '.join(r.kinds)})"

@@ -9,13 +9,16 @@ import shutil
 import sysconfig
 import tempfile
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from bench.front import ROOT, Sheet, python, sheet_of
-from runtime.inspection import INFO, inspect_log
-from runtime.library import Library, load
+from runtime.inspection import INFO, Finding, inspect_log
+from runtime.library import Array, Library, load
 from symgen.chain import ChainOptions
 from symgen.chain.dh import robot_from_rows
 from symgen.make.pipeline import build
@@ -137,12 +140,32 @@ FURTHER = (
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Warnings and errors of one log."""
+    """Warnings and errors of one log, with or without a fault that is planted in it."""
 
     log: str
-    kinds: tuple[str, ...]  # warnings and errors
-    unfounded: tuple[str, ...]  # those without a fact
-    facts: tuple[str, ...]  # facts of the others
+    kinds: tuple[str, ...]
+    fault: str = ""
+    outcome: str = ""  # of a planted fault
+    joints: tuple[int, ...] = ()  # that it has
+    facts: tuple[str, ...] = ()  # which found the kinds
+    unfounded: tuple[str, ...] = ()  # kinds without a fact
+
+    @property
+    def shown(self) -> str:
+        """The kinds for a table."""
+        return ", ".join(f"`{kind}`" for kind in self.kinds)
+
+
+def loud(findings: list[Finding]) -> list[Finding]:
+    """Warnings and errors."""
+    return [f for f in findings if f.level != INFO]
+
+
+def inspected(arrays: Mapping[str, Array], lib: Library, *recipe: Any) -> list[Finding]:
+    """Findings of a log with these signals."""
+    with tempfile.TemporaryDirectory() as folder:
+        np.savez(Path(folder) / "log.npz", **arrays)
+        return [*inspect_log(Path(folder) / "log.npz", lib, *recipe).findings]
 
 
 def study(shared: Path, builds: Path | None) -> Iterator[Row]:
@@ -154,16 +177,12 @@ def study(shared: Path, builds: Path | None) -> Iterator[Row]:
             if log.robot not in libraries:
                 libraries[log.robot] = library_of(log.robot, shared, root)
             place = bare(shared / "data" / log.place, Path(scratch) / "raw")
-            inspection = inspect_log(
-                place, libraries[log.robot], None, log.run, bare=True, rate_hz=log.rate_hz
-            )
-            kinds = tuple(dict.fromkeys(f.kind for f in inspection.findings if f.level != INFO))
-            yield Row(
-                log.name,
-                kinds,
-                tuple(kind for kind in kinds if kind not in log.facts),
-                tuple(log.facts[kind] for kind in kinds if kind in log.facts),
-            )
+            lib, how = libraries[log.robot], {"bare": True, "rate_hz": log.rate_hz}
+            findings = inspect_log(place, lib, None, log.run, **how).findings
+            kinds = tuple(dict.fromkeys(f.kind for f in loud([*findings])))
+            unfounded = tuple(kind for kind in kinds if kind not in log.facts)
+            facts = tuple(log.facts[kind] for kind in kinds if kind in log.facts)
+            yield Row(log.name, kinds, facts=facts, unfounded=unfounded)
 
 
 def bare(place: Path, folder: Path) -> Path:
@@ -205,10 +224,7 @@ def _request(robot: str, shared: Path) -> BuildRequest:
 
 def sheet(rows: list[Row]) -> Sheet:
     """One line per log, then the number of warnings without a fact."""
-    lines = [
-        (row.log, ", ".join(f"`{k}`" for k in row.kinds) or "none", "; ".join(row.facts))
-        for row in rows
-    ]
+    lines = [(row.log, row.shown or "none", "; ".join(row.facts)) for row in rows]
     unfounded = [f"{row.log}: {kind}" for row in rows for kind in row.unfounded]
     lines.append(("**without a fact**", f"**{len(unfounded)}**", ""))
     head = ("log", "warnings and errors", "what is true of the log")

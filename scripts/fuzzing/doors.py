@@ -11,15 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import typer
 
 from runtime.cli import app
-from runtime.cli.evaluate import EvaluateSettings, evaluate_command
-from runtime.cli.export import ExportSettings, export_command
-from runtime.cli.fleet import FleetSettings, fleet_command
-from runtime.cli.inspect import InspectSettings, inspect_command
-from runtime.cli.predict import PredictSettings, predict_command
-from runtime.cli.simulate import SimulateSettings, simulate_command
 from runtime.common.child import Limits
 from runtime.common.files import json_of
 from runtime.errors import RuntimeFault
@@ -56,6 +49,7 @@ from symgen.sources import Source, read_source, urdf_text
 Furnish = Callable[[Path, Library], None]
 Reader = Callable[[Path, Library], Any]
 """(damaged file, robot) → anything."""
+REFUSED = 2  # exit code
 OUT = "out"  # name of the only folder in which a command may write
 
 
@@ -86,8 +80,20 @@ def _beside(name: str, read: Reader) -> Reader:
     return lambda path, lib: read(path.with_name(name), lib)
 
 
-def _out(path: Path) -> Path:
-    return path.parent / OUT
+def _run(place: Path, lib: Library, words: str, *more: str) -> None:
+    """Run a command in a folder; findings are no refusal, what the command line refuses is."""
+    command = [each.format(folder=place) for each in words.split()]
+    with contextlib.chdir(place):
+        try:
+            app([*command, "--robot", str(lib.folder), *more])
+        except SystemExit as end:
+            if end.code == REFUSED:
+                raise RuntimeFault("a value that is no number of the option") from None
+
+
+def _command(words: str) -> Reader:
+    """A command that reads the file in its folder."""
+    return lambda path, lib: _run(path.parent, lib, words)
 
 
 def _streamed(path: Path, _: Library) -> None:
@@ -95,15 +101,6 @@ def _streamed(path: Path, _: Library) -> None:
     for start in range(0, min(log.rows, 10**6), 2**16):
         log.block(start, start + 2**16)
     log.instants(range(0, log.rows, 50), 20)
-
-
-def _headless(path: Path, lib: Library, recipe: Path | None = None) -> None:
-    with contextlib.suppress(typer.Exit):
-        inspect_command(InspectSettings(log=str(path), robot=str(lib.folder), recipe_out=recipe))
-
-
-def _inspected_log(path: Path, lib: Library) -> None:
-    _headless(path, lib, _out(path) / "recipe.toml")
 
 
 def _chain(path: Path, _: Library) -> None:
@@ -146,11 +143,8 @@ def _payload(path: Path, lib: Library) -> None:
 def _fleet(path: Path, lib: Library) -> None:
     place = path.parents[2]
     (place / OUT).mkdir(exist_ok=True)
-    out = place / OUT / "fleet.toml"
     try:
-        units = place / "units"
-        robot = str(lib.folder)
-        fleet_command(FleetSettings(folder=units, out=out, robot=robot, overwrite=True))
+        _run(place, lib, "fleet units --out {folder}/out/fleet.toml")
     finally:  # parts of a run that ended early are kept on purpose
         shutil.rmtree(place / OUT / "fleet.toml.parts", ignore_errors=True)
 
@@ -161,54 +155,26 @@ def _controlled(path: Path, lib: Library) -> None:
     loop.simulate(lib, lib.pi0, {}, np.linspace(loop.start, loop.start + 1.0, 50))
 
 
-def _predicted(path: Path, lib: Library) -> None:
-    robot = str(lib.folder)
-    predict_command(PredictSettings(trajectory=str(path), robot=robot, noise="0.05", as_json=True))
-
-
-def _simulated(path: Path, lib: Library) -> None:
-    robot, out = str(lib.folder), _out(path) / "log.csv"
-    simulate_command(SimulateSettings(robot=robot, trajectory=path, keep_every=10, out=out))
-
-
-def _evaluated(path: Path, lib: Library) -> None:
-    log = str(path.with_name("log.csv"))
-    robot = str(lib.folder)
-    evaluate_command(EvaluateSettings(result=path.parent, log=log, robot=robot, as_json=True))
-
-
 def _renewed(path: Path, lib: Library) -> None:
     """Friction of a log with the links of a result."""
     log = read_recording(str(path.with_name("log.csv")))
     identify_friction(log, lib, read_result(path.parent))
 
 
-def _exported(form: str) -> Door:
-    """Export of one format; of several, complete ones would stay where another fails."""
-
-    def read(path: Path, lib: Library) -> None:
-        robot = str(lib.folder)
-        chosen = ExportSettings(
-            result=path.parent, to=form, out=_out(path), robot=robot, overwrite=True
-        )
-        export_command(chosen)
-
-    return Door("result.json", goods.result, read)
-
-
 def _reported(path: Path, _: Library) -> None:
-    write_report(path.parent, _out(path) / "report.html")
+    write_report(path.parent, path.parent / OUT / "report.html")
 
 
-_FILES: dict[str, tuple[str, ...]] = {
-    "identify": ("log.csv", "--out", "{folder}/out/result"),
+_SIMULATE = "simulate --trajectory motion.json --out {folder}/out/log.csv"
+_EXPORT = "export {folder} --out {folder}/out --to "
+"""Of one format; of several, complete ones would stay where another fails."""
+_WORDS = {
+    "identify": "identify log.csv --out {folder}/out/result",
     # Many starts are honest work; how workers send results to the command is not what is damaged.
-    "excite": (
-        *("--settings", "document=true", "--settings", "processes=1", "--budget", "2"),
-        *("--out", "{folder}/out/motion.json"),
-    ),
-    "simulate": ("--trajectory", "motion.json", "--ideal", "--out", "{folder}/out/log.csv"),
-    "predict": ("motion.json",),
+    "excite": "excite --settings document=true --settings processes=1 --budget 2 "
+    "--out {folder}/out/motion.json",
+    "simulate": f"{_SIMULATE} --ideal",
+    "predict": "predict motion.json",
 }
 """Words of commands that stay as they are."""
 
@@ -222,15 +188,8 @@ def _optioned(name: str) -> Door:
             values = {option: str(given[option]) for option in goods.OPTIONS[name]}
         except (OSError, ValueError, LookupError, TypeError, RecursionError):
             raise RuntimeFault("no options") from None
-        words = [name, *(each.format(folder=path.parent) for each in _FILES[name])]
-        words += ["--robot", str(lib.folder)]
-        words += [f"{option}={value}" for option, value in values.items()]
-        with contextlib.chdir(path.parent):
-            try:
-                app(words)
-            except SystemExit as end:
-                if end.code:
-                    raise RuntimeFault("a value that is no number of the option") from None
+        given = (f"{option}={value}" for option, value in values.items())
+        _run(path.parent, lib, _WORDS[name], *given)
 
     return Door("options.json", goods.options, read)
 
@@ -257,6 +216,12 @@ def _renew_digests(folder: Path) -> None:
 
 _log, _logs = _alone(read_recording), _folder(read_recording)
 _model_seen = _alone(inspect_file)
+
+
+def _looked(path: Path, lib: Library) -> None:
+    look_of(lib, path)
+
+
 DOORS: dict[str, Door] = {
     # Logs.
     "csv": Door("log.csv", goods.log("log.csv"), _log),
@@ -286,13 +251,16 @@ DOORS: dict[str, Door] = {
         f"stream-{kind}": Door(f"log.{kind}", goods.log(f"log.{kind}"), _streamed)
         for kind in ("csv", "npz", "parquet")
     },
-    "doctor-csv": Door(
-        "log.csv", goods.log("log.csv", 300), _inspected_log, offered=("recipe.toml",)
-    ),
-    "doctor-npz": Door(
-        "log.npz", goods.log("log.npz", 300), _inspected_log, offered=("recipe.toml",)
-    ),
-    "headless": Door("log.csv", goods.headless, _headless),
+    **{
+        f"doctor-{kind}": Door(
+            f"log.{kind}",
+            goods.log(f"log.{kind}", 300),
+            _command(f"inspect log.{kind} --recipe-out {{folder}}/out/recipe.toml"),
+            offered=("recipe.toml",),
+        )
+        for kind in ("csv", "npz")
+    },
+    "headless": Door("log.csv", goods.headless, _command("inspect log.csv")),
     "recipe": Door("recipe.toml", goods.recipe, _alone(load_recipe)),
     # Models.
     "urdf": Door("robot.urdf", goods.urdf, _chain),
@@ -303,17 +271,10 @@ DOORS: dict[str, Door] = {
         lambda path, _: repaired(inspect_file(path, with_base=False), path),
     ),
     "mjcf": Door("robot.xml", goods.mjcf, _model_seen, programs=(sys.executable,)),
+    "view-urdf": Door("robot.urdf", goods.urdf, _looked),
     **{
-        form: Door(f"mesh.{form}", goods.mesh, _beside(f"{form}.urdf", _model_seen))
-        for form in ("stl", "obj", "dae")
-    },
-    "view-urdf": Door("robot.urdf", goods.urdf, lambda path, lib: look_of(lib, path)),
-    **{
-        f"view-{form}": Door(
-            f"mesh.{form}",
-            goods.mesh,
-            _beside(f"{form}.urdf", lambda path, lib: look_of(lib, path)),
-        )
+        f"{view}{form}": Door(f"mesh.{form}", goods.mesh, _beside(f"{form}.urdf", read))
+        for view, read in (("", _model_seen), ("view-", _looked))
         for form in ("stl", "obj", "dae")
     },
     "robot": Door("robot.toml", goods.robot, _alone(read_config)),
@@ -341,13 +302,17 @@ DOORS: dict[str, Door] = {
     "trajectory": Door("motion.json", goods.trajectory, read_trajectory),
     "loop": Door("loop.toml", goods.trajectory, _controlled),
     "film": Door("motion.json", goods.trajectory, lambda path, lib: read_motion(str(path), lib)),
-    "predict": Door("motion.json", goods.trajectory, _predicted),
-    "simulate": Door("motion.json", goods.trajectory, _simulated),
+    "predict": Door(
+        "motion.json", goods.trajectory, _command("predict motion.json --noise 0.05 --json")
+    ),
+    "simulate": Door(
+        "motion.json", goods.trajectory, _command(f"{_SIMULATE} --settings keep_every=10")
+    ),
     # Results.
-    "evaluate": Door("result.json", goods.result, _evaluated),
+    "evaluate": Door("result.json", goods.result, _command("evaluate {folder} log.csv --json")),
     "friction": Door("result.json", goods.result, _renewed),
-    "export": _exported("urdf"),
-    "export-friction": _exported("friction"),
+    "export": Door("result.json", goods.result, _command(f"{_EXPORT}urdf")),
+    "export-friction": Door("result.json", goods.result, _command(f"{_EXPORT}friction")),
     "arm": Door("result.json", goods.result, lambda path, lib: read_arm_model(path.parent, lib)),
     "report": Door("result.json", goods.result, _reported),
     "predictions": Door("predictions.npz", goods.result, _reported),

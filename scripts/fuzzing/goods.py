@@ -28,43 +28,17 @@ from scripts.fuzzing.texts import BOX, MECHANISM, MJCF, PRIOR, RECIPE, XACRO
 from tests.symgen.sources.test_sdf import LOOP
 
 OPTIONS = {
-    "identify": {
-        **{
-            "--cutoff": "10",
-            "--settings=rate": "50",
-            "--settings=coulomb_speed": "0.02",
-            "--split": "0.5,0.7",
-        },
-        **{"--settings=seed": "1", "--friction": "viscous,coulomb", "--method": "ols"},
-    },
-    "excite": {
-        **{
-            "--duration": "3",
-            "--settings=harmonics": "2",
-            "--settings=seed": "1",
-            "--noise": "0.05",
-        },
-        **{
-            "--settings=log_rate": "100",
-            "--settings=export_rate": "100",
-            "--speed": "50",
-            "--settings=starts": "1",
-        },
-    },
-    "simulate": {
-        **{
-            "--settings=perturb": "0.05",
-            "--settings=control_rate": "100",
-            "--settings=torque_noise": "0.05",
-        },
-        **{
-            "--settings=viscous": "0.1",
-            "--settings=coulomb": "0.1",
-            "--settings=rotor": "0.1",
-            "--settings=keep_every": "2",
-        },
-    },
-    "predict": {"--noise": "0.05", "--settings=log_rate": "100", "--settings=friction": "viscous"},
+    command: dict(each.split() for each in options.split(", "))
+    for command, options in {
+        "identify": "--cutoff 10, --settings=rate 50, --settings=coulomb_speed 0.02, "
+        "--split 0.5,0.7, --settings=seed 1, --friction viscous,coulomb, --method ols",
+        "excite": "--duration 3, --settings=harmonics 2, --settings=seed 1, --noise 0.05, "
+        "--settings=log_rate 100, --settings=export_rate 100, --speed 50, --settings=starts 1",
+        "simulate": "--settings=perturb 0.05, --settings=control_rate 100, "
+        "--settings=torque_noise 0.05, --settings=viscous 0.1, --settings=coulomb 0.1, "
+        "--settings=rotor 0.1, --settings=keep_every 2",
+        "predict": "--noise 0.05, --settings=log_rate 100, --settings=friction viscous",
+    }.items()
 }
 """Options with numbers, by command."""
 MARK = "ab" * 32

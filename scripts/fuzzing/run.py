@@ -48,11 +48,6 @@ class Tally:
         return len(self.rows)
 
     @property
-    def read(self) -> int:
-        """Number of files that were read."""
-        return sum(row.outcome == "read" for row in self.rows)
-
-    @property
     def refused(self) -> int:
         """Number of files that were refused."""
         return sum(row.outcome == "refused" for row in self.rows)
@@ -144,7 +139,8 @@ def table(tallies: dict[str, Tally]) -> Table:
         shown.add_column(head, justify="right")
     whole = Tally([row for tally in tallies.values() for row in tally.rows])
     for kind, tally in (*tallies.items(), ("all", whole)):
-        counts = (tally.files, tally.read, tally.refused, len(tally.faults))
+        read = tally.files - tally.refused - len(tally.faults)
+        counts = (tally.files, read, tally.refused, len(tally.faults))
         seconds = [row.seconds for row in tally.rows] or [0.0]
         grown = max((row.grown for row in tally.rows), default=0)
         used = (f"{sum(seconds):.1f}", f"{1e3 * max(seconds):.0f}", f"{grown / 1e6:.0f}")

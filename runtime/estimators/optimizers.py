@@ -208,15 +208,11 @@ class AdamIterate:
 
 @dataclass(frozen=True, slots=True)
 class Adam:
-    """Adam as an `Optimiser`.
+    """Adam as an `Optimiser`."""
 
-    Attributes:
-        value_gradient: loss and gradient (size,) at x; it may draw a mini-batch at each call.
-        options: step size and decay of the moments.
-    """
-
+    # loss and gradient (size,) at x; it may draw a mini-batch at each call
     value_gradient: Callable[[Array], tuple[float, Array]]
-    options: AdamOptions
+    options: AdamOptions  # step size and decay of the moments
 
     def init(self, x: Array) -> AdamIterate:
         """Zero moments at the first point, (size,)."""

@@ -146,37 +146,24 @@ class Learned(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
-    """Result of an estimator.
+    """Result of an estimator."""
 
-    Attributes:
-        pi: π, (10 n,) [kg, kg·m, kg·m²].
-        phi: friction coefficients (n, k), k = 0 without friction.
-        lam: λ, (10 n,); None where a link is not physically consistent.
-        status: how the estimator ended, one sentence.
-        iterations: number of steps; None for closed forms.
-        trace: losses on the way, where the method records them.
-        optimum: smallest loss of any consistent model, where the method has computed it anyway.
-        notes: further sentences on how the result came about.
-        weights: diagonal of W, where the method has estimated it, (n,).
-        statistics: of the training samples with these weights.
-        coloured_noise: of the residuals with these weights, where the method estimates it.
-        learned: friction beyond φ, where the method learned one.
-        unrepaired: smallest relative eigenvalue of the links before thin axes were raised; None
-            where the method raises none.
-    """
-
-    pi: Array
-    phi: Array
-    lam: Array | None
-    status: str
-    iterations: int | None = None
-    trace: Trace | None = None
+    pi: Array  # π, (10 n,) [kg, kg·m, kg·m²]
+    phi: Array  # friction coefficients (n, k), k = 0 without friction
+    lam: Array | None  # λ, (10 n,); None where a link is not physically consistent
+    status: str  # how the estimator ended, one sentence
+    iterations: int | None = None  # number of steps; None for closed forms
+    trace: Trace | None = None  # losses on the way, where the method records them
+    # smallest loss of any consistent model, where the method has computed it anyway
     optimum: float | None = None
-    notes: tuple[str, ...] = ()
-    weights: Array | None = None
-    statistics: Statistics | None = None
+    notes: tuple[str, ...] = ()  # further sentences on how the result came about
+    weights: Array | None = None  # diagonal of W, where the method has estimated it, (n,)
+    statistics: Statistics | None = None  # of the training samples with these weights
+    # of the residuals with these weights, where the method estimates it
     coloured_noise: ColouredNoise | None = None
-    learned: Learned | None = None
+    learned: Learned | None = None  # friction beyond φ, where the method learned one
+    # smallest relative eigenvalue of the links before thin axes were raised; None where the method
+    # raises none
     unrepaired: float | None = None
 
     def noise(self) -> tuple[Array, ColouredNoise]:

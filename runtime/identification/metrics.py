@@ -25,17 +25,11 @@ CONSISTENCY_TOLERANCE = 1e-12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TorqueError:
-    """Torque-prediction error of one model on one set of samples.
+    """Torque-prediction error of one model on one set of samples."""
 
-    Attributes:
-        percent: 100 ‖τ_j − τ̂_j‖ / ‖τ_j‖ per joint (Eq. 5.1).
-        overall: the same over all joints together.
-        rms: root mean square of τ_j − τ̂_j per joint, N·m or N.
-    """
-
-    percent: Array
-    overall: float
-    rms: Array
+    percent: Array  # 100 ‖τ_j − τ̂_j‖ / ‖τ_j‖ per joint (Eq. 5.1)
+    overall: float  # the same over all joints together
+    rms: Array  # root mean square of τ_j − τ̂_j per joint, N·m or N
 
 
 def torque_error(measured: Array, predicted: Array) -> TorqueError:

@@ -42,34 +42,24 @@ WITHOUT_PRIOR = "pc-ols"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Assembly:
-    """An identification problem and the recordings it was made from.
+    """An identification problem and the recordings it was made from."""
 
-    Attributes:
-        problem: data, weights and first guess.
-        parts: prepared training, validation and test recording.
-        friction: names and widths of the friction columns.
-        is_cut: whether the parts are cut from the same logs; else the test is a log of its own.
-        logs: names of several logs; empty for one.
-        pieces: name of a part → its recordings, one piece at a time, where `parts` hold only some
-            of the rows; None where `parts` are whole.
-        notes: sentences on what was left out.
-        source_note: sentence on how a streamed log was read, the last one of its result.
-        is_joined: the training part includes the validation part.
-        origin: log behind the samples of the training part, for methods that simulate or filter.
-        finish: adds to the result what the kind of log has beyond others: figures of all rows of a
-            streamed log, the comparison of several logs. It is given the fit of an assembly.
-    """
-
-    problem: Problem
-    parts: Parts
-    friction: Friction
+    problem: Problem  # data, weights and first guess
+    parts: Parts  # prepared training, validation and test recording
+    friction: Friction  # names and widths of the friction columns
+    # whether the parts are cut from the same logs; else the test is a log of its own
     is_cut: bool = True
-    logs: tuple[str, ...] = ()
+    logs: tuple[str, ...] = ()  # names of several logs; empty for one
+    # name of a part → its recordings, one piece at a time, where `parts` hold only some of the
+    # rows; None where `parts` are whole
     pieces: Callable[[str], Iterable[Recording]] | None = None
-    notes: tuple[str, ...] = ()
-    source_note: str = ""
-    is_joined: bool = False
+    notes: tuple[str, ...] = ()  # sentences on what was left out
+    source_note: str = ""  # sentence on how a streamed log was read, the last one of its result
+    is_joined: bool = False  # the training part includes the validation part
+    # log behind the samples of the training part, for methods that simulate or filter
     origin: Origin | None = None
+    # adds to the result what the kind of log has beyond others: figures of all rows of a streamed
+    # log, the comparison of several logs. It is given the fit of an assembly
     finish: Callable[[Identification, "FitOfAssembly"], Identification] | None = None
 
     @property

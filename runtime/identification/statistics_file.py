@@ -39,18 +39,14 @@ Positive = Annotated[float, Meta(gt=0)]
 
 
 class StoredStatistics(Record, frozen=True, forbid_unknown_fields=False):
-    """Arrays of `Statistics` as a file holds them.
-
-    Attributes:
-        density: S, variance with which the noise enters the unknowns.
-    """
+    """Arrays of `Statistics` as a file holds them."""
 
     factor: Array
     target: Array
     base_matrix: Array
     rest: NotNegative
     n_samples: Positive
-    density: Positive
+    density: Positive  # S, variance with which the noise enters the unknowns
     model_hash: str
 
     @property
@@ -60,23 +56,17 @@ class StoredStatistics(Record, frozen=True, forbid_unknown_fields=False):
 
 
 class UnitStatistics(StoredStatistics, frozen=True, forbid_unknown_fields=False):
-    """Compressed samples of one unit.
+    """Compressed samples of one unit."""
 
-    Attributes:
-        unit: name of the unit.
-        robot: name of the robot.
-        joints: names of its joints, (n,).
-        columns: names of the k friction columns of a joint; offsets of several logs repeat.
-        widths: widths of friction columns, in the order of `WIDTHS` [rad/s, rad/s, rad].
-        noise: standard deviation of the torque per joint that the samples are weighted by, (n,)
-            [N·m, N]; None of a regressor that is not that of the torque, and of older files.
-    """
-
-    unit: str
-    robot: str
-    joints: tuple[str, ...]
+    unit: str  # name of the unit
+    robot: str  # name of the robot
+    joints: tuple[str, ...]  # names of its joints, (n,)
+    # names of the k friction columns of a joint; offsets of several logs repeat
     columns: tuple[str, ...]
+    # widths of friction columns, in the order of `WIDTHS` [rad/s, rad/s, rad]
     widths: tuple[float, float, float]
+    # standard deviation of the torque per joint that the samples are weighted by, (n,) [N·m, N];
+    # None of a regressor that is not that of the torque, and of older files
     noise: Array | None = None
 
     @property

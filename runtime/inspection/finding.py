@@ -15,20 +15,14 @@ LEVELS = (ERROR, WARNING, INFO)
 
 @dataclass(frozen=True, slots=True)
 class Finding(Shown):
-    """Property of a log to note or to correct.
+    """Property of a log to note or to correct."""
 
-    Attributes:
-        kind: short name of the check's result, stable between versions.
-        level: error (the numbers have another meaning than assumed), warning (to be decided or
-            corrected), info.
-        sentence: what was measured, what it means, what to do.
-        evidence: the numbers, JSON-ready.
-    """
-
-    kind: str
+    kind: str  # short name of the check's result, stable between versions
+    # error (the numbers have another meaning than assumed), warning (to be decided or corrected),
+    # info
     level: str
-    sentence: str
-    evidence: dict[str, Any] = field(default_factory=dict)
+    sentence: str  # what was measured, what it means, what to do
+    evidence: dict[str, Any] = field(default_factory=dict)  # the numbers, JSON-ready
 
     def tables(self) -> tuple[Table, ...]:
         """The finding with its numbers."""

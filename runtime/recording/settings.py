@@ -25,22 +25,16 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointMotion:
-    """Motion from which friction columns are computed; every column needs dq.
+    """Motion from which friction columns are computed; every column needs dq."""
 
-    Attributes:
-        dq: (N, n) joint velocities [rad/s, m/s].
-        q: (N, n) joint positions of successive instants [rad, m]; for dahl, load and position.
-        ddq: (N, n) joint accelerations [rad/s², m/s²]; for rotor.
-        lib: library of the robot; for load and position.
-        zeta: (N, n) state of friction with a memory where it is known; None for that of the path q.
-        signals: name → (N, n) further signals of the log, for columns whose record names them.
-    """
-
-    dq: FloatArray
+    dq: FloatArray  # (N, n) joint velocities [rad/s, m/s]
+    # (N, n) joint positions of successive instants [rad, m]; for dahl, load and position
     q: FloatArray | None = None
-    ddq: FloatArray | None = None
-    lib: Library | None = None
+    ddq: FloatArray | None = None  # (N, n) joint accelerations [rad/s², m/s²]; for rotor
+    lib: Library | None = None  # library of the robot; for load and position
+    # (N, n) state of friction with a memory where it is known; None for that of the path q
     zeta: FloatArray | None = None
+    # name → (N, n) further signals of the log, for columns whose record names them
     signals: Mapping[str, FloatArray] = field(default_factory=dict)
 
 

@@ -36,39 +36,24 @@ class RawRows:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StreamedRecording:
-    """Rows of raw files, and their conversion to recordings.
+    """Rows of raw files, and their conversion to recordings."""
 
-    Attributes:
-        name: of the recording in reports.
-        rows: of the log, corrupt ones too.
-        plan: how they are read.
-        recipe: as chosen; its defaults for preparation, split and friction.
-        source: file name → sha256.
-        joint_names: n names, or none.
-        origin: the first instant in its own unit, where time is counted from there.
-        start: the first instant of the log [s]; None where it is not known.
-        files: the sources of the signals, and of the time alone.
-        clock: likewise.
-        remarks: sentences about the form of the files.
-        gains: estimated gains of its motor currents; None where it states them.
-        bias: what is added to q for the encoders, (n,) [rad, m]; None for nothing.
-        one_at_a_time: held while rows are read.
-    """
-
-    name: str
-    rows: int
-    plan: Recipe
-    recipe: Recipe | None
-    source: Digests
-    joint_names: tuple[str, ...]
-    origin: float | None
-    start: float | None
-    files: tuple[LogRows, ...]
-    clock: LogRows | None
-    remarks: tuple[str, ...] = ()
+    name: str  # of the recording in reports
+    rows: int  # of the log, corrupt ones too
+    plan: Recipe  # how they are read
+    recipe: Recipe | None  # as chosen; its defaults for preparation, split and friction
+    source: Digests  # file name → sha256
+    joint_names: tuple[str, ...]  # n names, or none
+    origin: float | None  # the first instant in its own unit, where time is counted from there
+    start: float | None  # the first instant of the log [s]; None where it is not known
+    files: tuple[LogRows, ...]  # the sources of the signals
+    clock: LogRows | None  # the source of the time alone
+    remarks: tuple[str, ...] = ()  # sentences about the form of the files
+    # estimated gains of its motor currents; None where it states them
     gains: CurrentGains | None = None
+    # what is added to q for the encoders, (n,) [rad, m]; None for nothing
     bias: FloatArray | None = None
-    one_at_a_time: Lock = field(default_factory=Lock)
+    one_at_a_time: Lock = field(default_factory=Lock)  # held while rows are read
 
     def block(self, start: int, stop: int) -> Recording:
         """Rows start … stop as a recording; corrupt rows among them are dropped and noted.

@@ -47,15 +47,11 @@ class Preset:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Watch:
-    """Observer of running descents.
+    """Observer of running descents."""
 
-    Attributes:
-        every: iterations between two calls.
-        seen: called with the iterations done and the current x of every descent; where one has
-            ended it stays at its last iterate.
-    """
-
-    every: int
+    every: int  # iterations between two calls
+    # called with the iterations done and the current x of every descent; where one has ended it
+    # stays at its last iterate
     seen: Callable[[int, list[Array]], None]
 
 

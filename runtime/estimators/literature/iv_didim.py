@@ -100,21 +100,13 @@ class _ControllerFile(Record, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, slots=True)
 class ClosedLoop:
-    """Closed-loop description: how the robot was moved.
+    """Closed-loop description: how the robot was moved."""
 
-    Attributes:
-        reference: requested motion.
-        controller: gains and model of the controller.
-        rotor: inertia of the motors, (n,) or one number, kg·m².
-        rate_hz: rate of the controller, Hz.
-        start: beginning of the reference, s of the recording's clock.
-    """
-
-    reference: Trajectory
-    controller: Controller = field(default_factory=Controller)
-    rotor: Array | float = 0.1
-    rate_hz: float = 1000.0
-    start: float = 0.0
+    reference: Trajectory  # requested motion
+    controller: Controller = field(default_factory=Controller)  # gains and model of the controller
+    rotor: Array | float = 0.1  # inertia of the motors, (n,) or one number, kg·m²
+    rate_hz: float = 1000.0  # rate of the controller, Hz
+    start: float = 0.0  # beginning of the reference, s of the recording's clock
 
     def simulate(self, lib: Library, pi: Array, friction: dict[str, Array], t: Array) -> Recording:
         """Simulated recording of a robot with these parameters, without noise.

@@ -46,23 +46,17 @@ def thesis_weights(tau: Array, unit: float = 1.0) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples:
-    """Complete motion and torque of a recording, with its friction columns (N, n, k).
+    """Complete motion and torque of a recording, with its friction columns (N, n, k)."""
 
-    Attributes:
-        q, dq: joint positions and velocities, (N, n) [rad, m and their derivatives].
-        acceleration: ddq, (N, n); None for rows without accelerations, which have `base`.
-        tau: torque (N, n) [N·m, N], or the power (N, 1) [W] where `base` is that of energy.
-        columns: friction columns, (N, n, k).
-        coupling: motors that drive several joints, where columns belong to such.
-        base: Y_b of every sample, (N, m, n_b), where it is not a function of q, dq and ddq.
-    """
-
-    q: Array
+    q: Array  # q, dq: joint positions and velocities, (N, n) [rad, m and their derivatives]
     dq: Array
+    # ddq, (N, n); None for rows without accelerations, which have `base`
     acceleration: Array | None
-    tau: Array
-    columns: Array
+    tau: Array  # torque (N, n) [N·m, N], or the power (N, 1) [W] where `base` is that of energy
+    columns: Array  # friction columns, (N, n, k)
+    # motors that drive several joints, where columns belong to such
     coupling: friction.Coupling | None = field(default=None, kw_only=True)
+    # Y_b of every sample, (N, m, n_b), where it is not a function of q, dq and ddq
     base: Array | None = field(default=None, kw_only=True)
 
     def __len__(self) -> int:

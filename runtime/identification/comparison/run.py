@@ -47,40 +47,26 @@ HEAD = ("method", "error %", "worst RMS", "base %", "s", "steps", "λ_min/tr", "
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """Figures of one result; the samples of every part are the same for every method.
+    """Figures of one result; the samples of every part are the same for every method."""
 
-    Attributes:
-        train_percent, validation_percent, test_percent: torque error over all joints, Eq. 5.1.
-        rms: of τ − τ̂ on test, (n,), N·m or N.
-        squares: Σ_j (τ_j − τ̂_j)² per validation sample, (N,), (N·m)², for the choice.
-        base_error: 100 ‖β̂ − β‖/‖β‖ where the truth is known, else None.
-        seconds: time of the method alone, s.
-        iterations: None for closed forms.
-        smallest_eigenvalue: smallest λ_min(P_k)/tr P_k of all links.
-        is_consistent: every link is physically consistent.
-        is_boundary: a link is close to a plate or a rod.
-        gap: (L − L*)/L* on the training samples, in the weights common to all.
-        excited: number of base parameters that the motion excites.
-        determined: combinations of them that the data determine better than the prior does.
-        contradictions: sentences on priors, joints and results that the data contradict.
-        model_errors: sentences on assumptions of the intervals that the residuals contradict.
-    """
-
+    # train, validation and test: torque error over all joints, Eq. 5.1
     train_percent: float
     validation_percent: float
     test_percent: float
-    rms: Array
-    squares: Array
-    base_error: float | None
-    seconds: float
-    iterations: int | None
-    smallest_eigenvalue: float
-    is_consistent: bool
-    is_boundary: bool
-    gap: float
-    excited: int
-    determined: int
+    rms: Array  # of τ − τ̂ on test, (n,), N·m or N
+    squares: Array  # Σ_j (τ_j − τ̂_j)² per validation sample, (N,), (N·m)², for the choice
+    base_error: float | None  # 100 ‖β̂ − β‖/‖β‖ where the truth is known, else None
+    seconds: float  # time of the method alone, s
+    iterations: int | None  # None for closed forms
+    smallest_eigenvalue: float  # smallest λ_min(P_k)/tr P_k of all links
+    is_consistent: bool  # every link is physically consistent
+    is_boundary: bool  # a link is close to a plate or a rod
+    gap: float  # (L − L*)/L* on the training samples, in the weights common to all
+    excited: int  # number of base parameters that the motion excites
+    determined: int  # combinations of them that the data determine better than the prior does
+    # sentences on priors, joints and results that the data contradict
     contradictions: tuple[str, ...] = ()
+    # sentences on assumptions of the intervals that the residuals contradict
     model_errors: tuple[str, ...] = ()
 
 
@@ -156,17 +142,11 @@ TINY = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class TrueParameters:
-    """True base parameters.
+    """True base parameters."""
 
-    Attributes:
-        beta: (n_b,) SI.
-        name: name of their file.
-        sha256: digest of its bytes.
-    """
-
-    beta: Array
-    name: str
-    sha256: str
+    beta: Array  # (n_b,) SI
+    name: str  # name of their file
+    sha256: str  # digest of its bytes
 
 
 def beside(log: str) -> Path | None:
@@ -204,21 +184,13 @@ def read_truth(path: Path, lib: Library) -> TrueParameters:
 
 @dataclass(frozen=True, slots=True)
 class Comparison(Shown):
-    """Results of several methods on the same data.
+    """Results of several methods on the same data."""
 
-    Attributes:
-        assembly: problem and recordings of all rows.
-        rows: one per method, in the requested order.
-        before: torque error of the URDF without friction on the test part, %.
-        optimum: L*; NaN where the convex problem was not solved.
-        truth: parameters of a simulated log; None for a real one.
-    """
-
-    assembly: Assembly
-    rows: tuple[MethodRow, ...]
-    before: float
-    optimum: float
-    truth: TrueParameters | None
+    assembly: Assembly  # problem and recordings of all rows
+    rows: tuple[MethodRow, ...]  # one per method, in the requested order
+    before: float  # torque error of the URDF without friction on the test part, %
+    optimum: float  # L*; NaN where the convex problem was not solved
+    truth: TrueParameters | None  # parameters of a simulated log; None for a real one
 
     def tables(self) -> tuple[Table, ...]:
         """One line per method."""

@@ -27,21 +27,14 @@ LEVEL = 0.05
 
 @dataclass(frozen=True, slots=True)
 class TwoResults:
-    """Tables and sentences that compare two results.
+    """Tables and sentences that compare two results."""
 
-    Attributes:
-        setup: what was identified, how and from which data; side by side.
-        errors: torque errors of both, each on the test part of its own log.
-        values: tables of links, base parameters and friction; rows that differ are flagged.
-        sentences: how many values of each table differ, and which.
-        notes: what limits the comparison.
-    """
-
-    setup: Table
-    errors: Table
+    setup: Table  # what was identified, how and from which data; side by side
+    errors: Table  # torque errors of both, each on the test part of its own log
+    # tables of links, base parameters and friction; rows that differ are flagged
     values: tuple[Table, ...]
-    sentences: tuple[str, ...]
-    notes: tuple[str, ...]
+    sentences: tuple[str, ...]  # how many values of each table differ, and which
+    notes: tuple[str, ...]  # what limits the comparison
 
 
 def compare_results(a: SavedResult, b: SavedResult, names: tuple[str, str]) -> TwoResults:

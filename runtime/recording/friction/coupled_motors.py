@@ -34,19 +34,13 @@ def directions(gear: ArrayLike) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Coupling:
-    """Friction columns that belong to motors, and the joints that these drive.
+    """Friction columns that belong to motors, and the joints that these drive."""
 
-    Attributes:
-        directions: R̂, (n, n).
-        of_motors: (k,) whether each column belongs to motors.
-        shared: (k,) whether each column has one coefficient for all joints, in the first row of φ.
-        has_one_row: whether all are shared and φ is (1, k): rows that mix joints.
-    """
-
-    directions: FloatArray
-    of_motors: tuple[bool, ...]
+    directions: FloatArray  # R̂, (n, n)
+    of_motors: tuple[bool, ...]  # (k,) whether each column belongs to motors
+    # (k,) whether each column has one coefficient for all joints, in the first row of φ
     shared: tuple[bool, ...]
-    has_one_row: bool = False
+    has_one_row: bool = False  # whether all are shared and φ is (1, k): rows that mix joints
 
     def torque(self, values: FloatArray, phi: FloatArray, column: int) -> FloatArray:
         """Torques of one column on the joints: R̂ᵀ c φ of motors, c φ_1 of a spring, else c φ.

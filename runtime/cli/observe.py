@@ -156,10 +156,8 @@ def observe_command(given: ObserveSettings) -> None:
     root, note = _root(given.model, saved, lib)
     held_out = read_held_out(given.model, known)
     rate_hz = data.rate_hz  # of the observer; free motion at another one is interpolated
-    free_motion = [
-        _read(lib, known, saved.log_of(each, lib, given.recipe), rate_hz)
-        for each in given.calibrate or ()
-    ]
+    free_logs = [saved.log_of(each, lib, given.recipe) for each in given.calibrate or ()]
+    free_motion = [_read(lib, known, each, rate_hz) for each in free_logs]
     # The observer that is calibrated is chosen on the same motion, so that no contact decides.
     chosen_on = free_motion[0] if free_motion else data
     detector = detector_for(lib, known, chosen_on, held_out, rate, given.within, root)
@@ -167,7 +165,8 @@ def observe_command(given: ObserveSettings) -> None:
     raised: list[str] = []
     if free_motion:
         plain = detector
-        detector, tails = calibrated_on(lib, plain, free_motion)
+        has_speeds = all(each.dq is not None for each in free_logs)
+        detector, tails = calibrated_on(lib, plain, free_motion, has_speeds)
         raised = _raised(lib, plain, detector)
     signals = signals_of(lib, detector, data)
     seen = observation_of(lib, detector, signals)

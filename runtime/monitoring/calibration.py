@@ -38,6 +38,10 @@ LEAST_LEVEL = 4.0
 """Smallest level of a joint with fewer peaks than that."""
 DIRECT_LOWER = 1.1
 """Threshold of the direct torque over that of r, below which it is used: it is faster."""
+DIRECT_OF_DIFFERENCES = 1.5
+"""The same where dq is a difference of positions. Its noise grows with the speed, by stamps that
+jitter, so that r has false alarms in motions faster than the calibration; the direct torque
+contains less of it, by `DIRECT_S` over a step."""
 _SHAPES = np.arange(-0.495, 0.5, 0.03)
 _LOG_SCALES = np.linspace(-1.2, 0.8, 101)
 """Grid of the posterior: ξ, and ln c relative to the mean excess."""
@@ -196,9 +200,12 @@ def rate_interval(tails: Sequence[Tail], levels: Array) -> tuple[float, float]:
 
 
 def calibrated_on(
-    lib: Library, detector: Detector, logs: Sequence[Recording]
+    lib: Library, detector: Detector, logs: Sequence[Recording], has_speeds: bool = True
 ) -> tuple[Detector, tuple[Tail, ...]]:
-    """The detector with scales, terms and levels from free motion, and the tails of its joints."""
+    """The detector with scales, terms and levels from free motion, and the tails of its joints.
+
+    Logs are prepared; has_speeds states whether their dq was measured.
+    """
     plain, direct = _scaled(lib, detector, logs)
     rate_hz, rate = detector.settings.rate_hz, detector.rate.per_second
     # r without and with dry friction and timing, and the direct torque.
@@ -220,7 +227,8 @@ def calibrated_on(
         size = levels_of(tails[-1], rate) * each.noise.sigma + share * np.mean(extra, axis=0)
         thresholds.append(size)
     share = int(np.log(thresholds[1]).sum() < np.log(thresholds[0]).sum())
-    is_direct = thresholds[2] < DIRECT_LOWER * thresholds[share]
+    lower = DIRECT_LOWER if has_speeds else DIRECT_OF_DIFFERENCES
+    is_direct = thresholds[2] < lower * thresholds[share]
     noise = replace(
         plain.noise,
         slow=np.where(is_direct, direct.noise.slow, plain.noise.slow),

@@ -83,17 +83,20 @@ def bases() -> frozenset[str]:
     return frozenset(inherited | abstract)
 
 
-def functions(module: str) -> Iterator[tuple[ast.FunctionDef, bool]]:
-    """Functions of a module and methods of its classes, and whether others may call them."""
+def functions(module: str) -> Iterator[tuple[ast.FunctionDef, bool, str]]:
+    """Functions of a module and methods of its classes, whether others may call them, and what the
+    docstring of the class says.
+    """
     body = trees()[module].body
     for node in nodes_of_trees()[module]:
         if isinstance(node, ast.FunctionDef) and node in body:
-            yield node, (module, node.name) in exported()
+            yield node, (module, node.name) in exported(), ""
         elif isinstance(node, ast.ClassDef):
             public = (module, node.name) in exported() or node.name in bases()
             for method in node.body:
                 if isinstance(method, ast.FunctionDef):
-                    yield method, public and method.name[0] != "_"
+                    said = ast.get_docstring(node) or ""
+                    yield method, public and method.name[0] != "_", said
 
 
 def parameters(function: ast.FunctionDef) -> list[str]:
@@ -108,12 +111,11 @@ def returns_something(function: ast.FunctionDef) -> bool:
     return result is not None and not (isinstance(result, ast.Constant) and result.value is None)
 
 
-def missing_sections(function: ast.FunctionDef) -> list[str]:
-    """What the docstring of a function of two or more parameters lacks."""
+def missing_sections(function: ast.FunctionDef, of_class: str = "") -> list[str]:
+    """What the docstrings of a function of two or more parameters, and of its class, lack."""
     text = ast.get_docstring(function) or ""
-    before, _, after = text.partition("Args:")
-    del before
-    stated = after.split("\n\n")[0]
+    sections = (each.partition("Args:")[2].split("\n\n")[0] for each in (text, of_class))
+    stated = "\n".join(sections)
     lacking = [name for name in parameters(function) if not re.search(rf"\b{name}\b", stated)]
     if returns_something(function) and not re.search(r"^(Returns|Yields):", text, re.MULTILINE):
         lacking.append("Returns")
@@ -134,12 +136,13 @@ def test_identifiers_use_the_words_of_the_field() -> None:
 def test_exported_functions_state_arguments_and_results() -> None:
     """Property: two or more parameters → Args names each of them, Returns says what comes back.
 
+    Arguments that methods share are stated once, by the Args of their class.
     Functions of command-line commands are excepted: their docstring is the text of --help.
     """
     guilty = {
-        f"{module}:{function.lineno}: {function.name}": missing_sections(function)
+        f"{module}:{function.lineno}: {function.name}": missing_sections(function, of_class)
         for module in trees()
-        for function, public in functions(module)
+        for function, public, of_class in functions(module)
         if public and len(parameters(function)) > 1 and not function.name.endswith("_command")
     }
     assert not {name: lacking for name, lacking in guilty.items() if lacking}
@@ -173,7 +176,7 @@ def test_other_functions_have_no_sections() -> None:
     guilty = [
         f"{module}:{function.lineno}: {function.name}"
         for module in trees()
-        for function, public in functions(module)
+        for function, public, _ in functions(module)
         if not public and SECTION.search(ast.get_docstring(function) or "")
     ]
     assert guilty == []
@@ -185,6 +188,7 @@ def test_the_checks_of_this_file_can_fail() -> None:
     assert any(words_of(name) & AVOIDED for name, _ in identifiers(ast.walk(tree)))
     function = next(node for node in tree.body if isinstance(node, ast.FunctionDef))
     assert missing_sections(function) == ["told", "Returns"]
+    assert missing_sections(function, "C.\n\nArgs:\n    told: x.") == ["Returns"]
     assert SECTION.search(ast.get_docstring(function) or "")
     assert ("runtime.identification.identify", "identify") in exported()
     inside = "import runtime.cli\nfrom runtime.identification import metrics\n"

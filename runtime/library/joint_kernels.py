@@ -14,7 +14,18 @@ from runtime.library.parameters import N_PARAMETERS
 
 
 class JointKernels:
-    """Positions, velocities and Jacobian of all joints; q and dq are (N, n) or (n,)."""
+    """Positions, velocities and Jacobian of all joints.
+
+    Args:
+        q: (N, n) or (n,) positions of the independent joints [rad, m].
+        dq: their velocities, shape of q [rad/s, m/s].
+        ddq: their accelerations, shape of q [rad/s², m/s²].
+        last: (N, L) or (L,) positions of all joints a sample before [rad, m].
+
+    Raises:
+        ShapeError: an array has another number of joints.
+        PostureError: a loop cannot close at q, or is singular there.
+    """
 
     name: str
     n_joints: int
@@ -26,15 +37,8 @@ class JointKernels:
     def all_positions(self, q: ArrayLike) -> Array:
         """Positions of all joints, in the order of `all_joint_names`: A q + b, or g(q) with loops.
 
-        Args:
-            q: (N, n) or (n,) positions of the independent joints [rad, m].
-
         Returns:
             (N, L) or (L,) [rad, m].
-
-        Raises:
-            ShapeError: q has another number of joints.
-            PostureError: a loop cannot close at q, or is singular there.
         """
         coupling, q = self.manifest.coupling, self._of_joints(q)
         if not self.manifest.loops:
@@ -46,16 +50,8 @@ class JointKernels:
     def all_velocities(self, dq: ArrayLike, q: ArrayLike | None = None) -> Array:
         """Velocities of all joints: A dq, or G(q) dq with loops.
 
-        Args:
-            dq: (N, n) or (n,) velocities of the independent joints [rad/s, m/s].
-            q: their positions, shape of dq [rad, m]; needed with loops only.
-
         Returns:
             (N, L) or (L,) [rad/s, m/s].
-
-        Raises:
-            ShapeError: dq has another number of joints, or q is missing.
-            PostureError: a loop cannot close at q, or is singular there.
         """
         coupling, dq = self.manifest.coupling, self._of_joints(dq)
         if not self.manifest.loops:
@@ -65,17 +61,8 @@ class JointKernels:
     def all_motion(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> tuple[Array, Array, Array]:
         """Positions, velocities and accelerations of all joints.
 
-        Args:
-            q: (N, n) or (n,) positions of the independent joints [rad, m].
-            dq: velocities, shape of q [rad/s, m/s].
-            ddq: accelerations, shape of q [rad/s², m/s²].
-
         Returns:
             q_all, dq_all and ddq_all, (N, L) or (L,) each.
-
-        Raises:
-            ShapeError: an array has another number of joints.
-            PostureError: a loop cannot close at q, or is singular there.
         """
         if not self.manifest.loops:
             return self.all_positions(q), self.all_velocities(dq), self.all_velocities(ddq)
@@ -86,11 +73,6 @@ class JointKernels:
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike
     ) -> tuple[Array, Array, Array]:
         """Motion of all joints as `all_motion`, with NaN where a loop cannot close.
-
-        Args:
-            q: (N, n) or (n,) positions of the independent joints [rad, m].
-            dq: velocities, shape of q [rad/s, m/s].
-            ddq: accelerations, shape of q [rad/s², m/s²].
 
         Returns:
             q_all, dq_all and ddq_all, (N, L) or (L,) each.
@@ -104,10 +86,6 @@ class JointKernels:
     def next_positions(self, q: ArrayLike, last: ArrayLike) -> Array:
         """Positions of all joints from those of a sample shortly before, for a control loop.
 
-        Args:
-            q: (N, n) or (n,) positions of the independent joints [rad, m].
-            last: (N, L) or (L,) positions of all joints before [rad, m].
-
         Returns:
             Shape of last; NaN where a loop cannot close or is singular. Without loops A q + b.
         """
@@ -118,14 +96,8 @@ class JointKernels:
     def joint_jacobian(self, q: ArrayLike) -> Array:
         """G = ∂q_all/∂q: τ = Gᵀ τ_all.
 
-        Args:
-            q: (N, n) or (n,) positions of the independent joints [rad, m].
-
         Returns:
             (N, L, n) or (L, n).
-
-        Raises:
-            PostureError: a loop cannot close at q, or is singular there.
         """
         q, coupling = self._of_joints(q), self.manifest.coupling
         if not self.manifest.loops:
@@ -137,9 +109,6 @@ class JointKernels:
     def loop_margins(self, q: ArrayLike) -> Array:
         """Distance of each loop from a singular posture: 1 in the assembly pose, 0 where singular.
 
-        Args:
-            q: (N, n) or (n,) positions of the independent joints [rad, m].
-
         Returns:
             (N, blocks) or (blocks,), NaN where a loop cannot close; no columns without loops.
         """
@@ -150,9 +119,6 @@ class JointKernels:
 
     def require_closed(self, q: ArrayLike) -> None:
         """Check that all loops close and are not singular at finite positions.
-
-        Args:
-            q: (N, n) or (n,) positions of the independent joints [rad, m].
 
         Raises:
             PostureError: the message names the loops, the first position and the number of such.

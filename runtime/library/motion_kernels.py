@@ -12,9 +12,31 @@ from runtime.library.binding import Array, Binding
 from runtime.library.free_base import FREEDOM, BaseMotion, stacked, with_base
 from runtime.library.manifest import Manifest
 
+Base = BaseMotion | None
+
 
 class MotionKernels:
-    """Dynamics, regressors, equations of controllers and bases of trajectories of one robot."""
+    """Dynamics, regressors, equations of controllers and bases of trajectories of one robot.
+
+    Args:
+        q: (N, n) or (n,) joint positions [rad, m].
+        dq: joint velocities, shape of q [rad/s, m/s].
+        ddq: joint accelerations, shape of q [rad/s², m/s²].
+        tau: joint torques, shape of q [N·m, N].
+        pi: (10 L,) or (N, 10 L) inertial parameters of the links.
+        lam: (10 L,) or (N, 10 L) coordinates λ of the links.
+        beta: (n_b,) or (N, n_b) base parameters.
+        rotor: J (N, n), (n,) or one number, inertia of the rotors [kg·m², kg].
+        weight: (n,) diagonal of W.
+        seed: weights (N, n, n_b) of the entries of Y_b.
+        dq_r: reference velocities, shape of q [rad/s, m/s].
+        ddq_r: reference accelerations, shape of q [rad/s², m/s²].
+        link: name of a moving link; None: the tip.
+        base: pose, twist and acceleration of a free base; None where it is fixed.
+        m: harmonic, one number or (N,).
+        t: times, one number or (N,) [s].
+        t_f: duration [s].
+    """
 
     name: str
     n_joints: int
@@ -25,22 +47,9 @@ class MotionKernels:
     binding: Binding
 
     def inverse_dynamics(
-        self,
-        q: ArrayLike,
-        dq: ArrayLike,
-        ddq: ArrayLike,
-        pi: ArrayLike,
-        *,
-        base: BaseMotion | None = None,
+        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, pi: ArrayLike, *, base: Base = None
     ) -> Array:
         """Joint torques τ = Y(q, dq, ddq) π. Source: Eq. 4.3.
-
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            dq: joint velocities, shape of q [rad/s, m/s].
-            ddq: joint accelerations, shape of q [rad/s², m/s²].
-            pi: (10 L,) or (N, 10 L) inertial parameters of the links.
-            base: pose, twist and acceleration of a free base; None where it is fixed.
 
         Returns:
             Shape of q [N·m, N].
@@ -49,22 +58,9 @@ class MotionKernels:
         return self.binding.call("inverse_dynamics", q, dq, ddq, pi)[0]
 
     def base_inverse_dynamics(
-        self,
-        q: ArrayLike,
-        dq: ArrayLike,
-        ddq: ArrayLike,
-        beta: ArrayLike,
-        *,
-        base: BaseMotion | None = None,
+        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, beta: ArrayLike, *, base: Base = None
     ) -> Array:
         """Joint torques τ = Y_b(q, dq, ddq) β. Source: Eq. 3.11.
-
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            dq: joint velocities, shape of q [rad/s, m/s].
-            ddq: joint accelerations, shape of q [rad/s², m/s²].
-            beta: (n_b,) or (N, n_b) base parameters.
-            base: pose, twist and acceleration of a free base; None where it is fixed.
 
         Returns:
             Shape of q [N·m, N].
@@ -73,22 +69,9 @@ class MotionKernels:
         return self.binding.call("base_inverse_dynamics", q, dq, ddq, beta)[0]
 
     def torque(
-        self,
-        q: ArrayLike,
-        dq: ArrayLike,
-        ddq: ArrayLike,
-        lam: ArrayLike,
-        *,
-        base: BaseMotion | None = None,
+        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, lam: ArrayLike, *, base: Base = None
     ) -> Array:
         """Joint torques τ = Y(q, dq, ddq) π(λ). Source: Eqs. 4.3, 4.14.
-
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            dq: joint velocities, shape of q [rad/s, m/s].
-            ddq: joint accelerations, shape of q [rad/s², m/s²].
-            lam: (10 L,) or (N, 10 L) coordinates λ of the links.
-            base: pose, twist and acceleration of a free base; None where it is fixed.
 
         Returns:
             Shape of q [N·m, N].
@@ -97,22 +80,9 @@ class MotionKernels:
         return self.binding.call("torque", q, dq, ddq, lam)[0]
 
     def torque_jacobian(
-        self,
-        q: ArrayLike,
-        dq: ArrayLike,
-        ddq: ArrayLike,
-        lam: ArrayLike,
-        *,
-        base: BaseMotion | None = None,
+        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, lam: ArrayLike, *, base: Base = None
     ) -> Array:
         """Derivative ∂τ/∂λ. Source: Eqs. 4.34–4.36.
-
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            dq: joint velocities, shape of q [rad/s, m/s].
-            ddq: joint accelerations, shape of q [rad/s², m/s²].
-            lam: (10 L,) or (N, 10 L) coordinates λ of the links.
-            base: pose, twist and acceleration of a free base; None where it is fixed.
 
         Returns:
             (N, n, 10 L).
@@ -120,16 +90,8 @@ class MotionKernels:
         q, dq, ddq = with_base(self.manifest, base, q, dq, ddq)
         return self.binding.call("torque_jacobian", q, dq, ddq, lam)[0]
 
-    def regressor(
-        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, *, base: BaseMotion | None = None
-    ) -> Array:
+    def regressor(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, *, base: Base = None) -> Array:
         """Regressor Y with τ = Y π. Source: Eq. 3.1.
-
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            dq: joint velocities, shape of q [rad/s, m/s].
-            ddq: joint accelerations, shape of q [rad/s², m/s²].
-            base: pose, twist and acceleration of a free base; None where it is fixed.
 
         Returns:
             (N, n, 10 L).
@@ -138,15 +100,9 @@ class MotionKernels:
         return self.binding.call("regressor", q, dq, ddq)[0]
 
     def base_regressor(
-        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, *, base: BaseMotion | None = None
+        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, *, base: Base = None
     ) -> Array:
         """Base regressor Y_b with τ = Y_b β. Source: Eq. 3.11.
-
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            dq: joint velocities, shape of q [rad/s, m/s].
-            ddq: joint accelerations, shape of q [rad/s², m/s²].
-            base: pose, twist and acceleration of a free base; None where it is fixed.
 
         Returns:
             (N, n, n_b).
@@ -154,13 +110,8 @@ class MotionKernels:
         q, dq, ddq = with_base(self.manifest, base, q, dq, ddq)
         return self.binding.call("base_regressor", q, dq, ddq)[0]
 
-    def mass_matrix(self, q: ArrayLike, pi: ArrayLike, *, base: BaseMotion | None = None) -> Array:
+    def mass_matrix(self, q: ArrayLike, pi: ArrayLike, *, base: Base = None) -> Array:
         """Mass matrix M(q). Source: Eq. 2.34.
-
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            pi: (10 L,) or (N, 10 L) inertial parameters of the links.
-            base: pose, twist and acceleration of a free base; None where it is fixed.
 
         Returns:
             (N, n, n).
@@ -169,15 +120,9 @@ class MotionKernels:
         return self.binding.call("mass_matrix", q, pi)[0]
 
     def bias_forces(
-        self, q: ArrayLike, dq: ArrayLike, pi: ArrayLike, *, base: BaseMotion | None = None
+        self, q: ArrayLike, dq: ArrayLike, pi: ArrayLike, *, base: Base = None
     ) -> Array:
         """Bias forces h = τ(q, dq, 0). Source: Eq. 2.34.
-
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            dq: joint velocities, shape of q [rad/s, m/s].
-            pi: (10 L,) or (N, 10 L) inertial parameters of the links.
-            base: pose, twist and acceleration of a free base; None where it is fixed.
 
         Returns:
             Shape of q [N·m, N].
@@ -193,17 +138,9 @@ class MotionKernels:
         pi: ArrayLike,
         rotor: ArrayLike = 0.0,
         *,
-        base: BaseMotion | None = None,
+        base: Base = None,
     ) -> Array:
         """Accelerations ddq = (M + diag(J))⁻¹ (τ − h).
-
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            dq: joint velocities, shape of q [rad/s, m/s].
-            tau: joint torques, shape of q [N·m, N].
-            pi: (10 L,) or (N, 10 L) inertial parameters of the links.
-            rotor: J (N, n), (n,) or one number, inertia of the rotors [kg·m², kg].
-            base: pose, twist and acceleration of a free base; None where it is fixed.
 
         Returns:
             Shape of q [rad/s², m/s²].
@@ -216,12 +153,8 @@ class MotionKernels:
             inertia = stacked(inertia, np.zeros(FREEDOM), "rotors")
         return self.binding.call("forward_dynamics", q, dq, tau, pi, inertia)[0]
 
-    def end_effector(self, q: ArrayLike, *, base: BaseMotion | None = None) -> Array:
+    def end_effector(self, q: ArrayLike, *, base: Base = None) -> Array:
         """Pose of the tip in the base frame; in that of the world with a free base.
-
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            base: pose of a free base; None where it is fixed.
 
         Returns:
             (N, 4, 4).
@@ -229,12 +162,8 @@ class MotionKernels:
         (q,) = with_base(self.manifest, base, q)
         return self.binding.call("end_effector", q)[0]
 
-    def link_poses(self, q: ArrayLike, *, base: BaseMotion | None = None) -> Array:
+    def link_poses(self, q: ArrayLike, *, base: Base = None) -> Array:
         """Poses of the links' frames in the base frame; in that of the world with a free base.
-
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            base: pose of a free base; None where it is fixed.
 
         Returns:
             (N, L, 4, 4).
@@ -252,18 +181,9 @@ class MotionKernels:
         weight: ArrayLike,
         pi: ArrayLike,
         *,
-        base: BaseMotion | None = None,
+        base: Base = None,
     ) -> tuple[float, Array, Array]:
         """Loss Σ ½ rᵀ W r with r = Y π − τ, its gradient in π, and r. Source: Eqs. 4.5, 4.6, 4.32.
-
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            dq: joint velocities, shape of q [rad/s, m/s].
-            ddq: joint accelerations, shape of q [rad/s², m/s²].
-            tau: joint torques, shape of q [N·m, N].
-            weight: (n,) diagonal of W.
-            pi: (10 L,) inertial parameters of the links.
-            base: pose, twist and acceleration of a free base; None where it is fixed.
 
         Returns:
             Loss; Σ Yᵀ W r, (10 L,); r, shape of q [N·m, N].
@@ -279,11 +199,6 @@ class MotionKernels:
     def coriolis_matrix(self, q: ArrayLike, dq: ArrayLike, pi: ArrayLike) -> Array:
         """Matrix C(q, dq) of Christoffel symbols: h = C dq − τ_grav, and dM/dt − 2 C is skew.
 
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            dq: joint velocities, shape of q [rad/s, m/s].
-            pi: (10 L,) or (N, 10 L) inertial parameters of the links.
-
         Returns:
             (N, n, n).
         """
@@ -293,12 +208,6 @@ class MotionKernels:
         self, q: ArrayLike, dq: ArrayLike, dq_r: ArrayLike, ddq_r: ArrayLike
     ) -> Array:
         """Regressor Y with Y π = M(q) ddq_r + C(q, dq) dq_r + g(q). Source: Slotine & Li 1987.
-
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            dq: joint velocities, shape of q [rad/s, m/s].
-            dq_r: reference velocities, shape of q [rad/s, m/s].
-            ddq_r: reference accelerations, shape of q [rad/s², m/s²].
 
         Returns:
             (N, n, 10 L).
@@ -310,29 +219,16 @@ class MotionKernels:
     ) -> tuple[Array, Array, Array]:
         """Derivatives ∂τ/∂q, ∂τ/∂dq and ∂τ/∂ddq = M(q), without the torque itself.
 
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            dq: joint velocities, shape of q [rad/s, m/s].
-            ddq: joint accelerations, shape of q [rad/s², m/s²].
-            pi: (10 L,) or (N, 10 L) inertial parameters of the links.
-
         Returns:
             (N, n, n) each.
         """
         _, by_q, by_dq, mass = self.binding.call("torque_derivatives", q, dq, ddq, pi)
         return by_q, by_dq, mass
 
-    def frame_jacobian(
-        self, q: ArrayLike, link: str | None = None, *, base: BaseMotion | None = None
-    ) -> Array:
+    def frame_jacobian(self, q: ArrayLike, link: str | None = None, *, base: Base = None) -> Array:
         """Jacobian J of a frame: linear, then angular velocity J dq, in axes of the base.
 
         With a free base dq begins with its twist, and the axes are those of the world.
-
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            link: name of a moving link; None: the tip.
-            base: pose of a free base; None where it is fixed.
 
         Returns:
             (N, 6, n) [m, 1].
@@ -356,10 +252,6 @@ class MotionKernels:
         M(q)⁻¹ ⪯ S for every q, S of the kernel `mobility_bound`; with coupled joints
         M = Aᵀ M_all A ⪰ Aᵀ S⁻¹ A, with closed loops M ⪰ S_qq⁻¹, the least over all rates of the
         dependent joints.
-
-        Args:
-            pi: (10 L,) inertial parameters of the links.
-            rotor: J (n,) or one number, inertia of the rotors [kg·m², kg].
 
         Returns:
             Bound [kg·m², kg], above 0; NaN where the pseudo-inertia P of a link is not positive
@@ -390,10 +282,6 @@ class MotionKernels:
 
         Source: Slotine & Li 1987.
 
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            dq: joint velocities, shape of q [rad/s, m/s].
-
         Returns:
             P_b and R_b, (N, n, n_b) each.
         """
@@ -403,10 +291,6 @@ class MotionKernels:
     def energy_regressor(self, q: ArrayLike, dq: ArrayLike) -> Array:
         """Regressor E_b of the energy T + U = E_b β + const. Source: Gautier & Khalil 1988.
 
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            dq: joint velocities, shape of q [rad/s, m/s].
-
         Returns:
             (N, n_b).
         """
@@ -414,9 +298,6 @@ class MotionKernels:
 
     def spring_columns(self, q: ArrayLike) -> Array:
         """Torques S(q) of the springs of unknown stiffness for k = 1, τ = S k.
-
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
 
         Returns:
             (N, n, s) for the s springs of `manifest.springs`; s = 0 without springs.
@@ -427,9 +308,6 @@ class MotionKernels:
 
     def known_torque(self, q: ArrayLike) -> Array:
         """Torques of torque curves and of springs of known stiffness, which Y π lacks.
-
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
 
         Returns:
             Shape of q [N·m, N]; zeros without such.
@@ -443,12 +321,6 @@ class MotionKernels:
     ) -> Array:
         """Derivative ∂⟨seed, Y_b⟩/∂(q, dq, ddq).
 
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            dq: joint velocities, shape of q [rad/s, m/s].
-            ddq: joint accelerations, shape of q [rad/s², m/s²].
-            seed: (N, n, n_b).
-
         Returns:
             (N, 3, n).
         """
@@ -459,11 +331,6 @@ class MotionKernels:
     def harmonic_basis(self, m: ArrayLike, t: ArrayLike, t_f: float) -> Array:
         """Fourier + quintic basis φ_m(t) and three derivatives. Source: Eqs. 3.24–3.27.
 
-        Args:
-            m: harmonic, one number or (N,).
-            t: times, one number or (N,) [s].
-            t_f: duration [s].
-
         Returns:
             (N, 4).
         """
@@ -472,10 +339,6 @@ class MotionKernels:
 
     def transfer_basis(self, t: ArrayLike, t_f: float) -> Array:
         """Rest-to-rest quintic S(t) from 0 to 1, and three derivatives.
-
-        Args:
-            t: times, one number or (N,) [s].
-            t_f: duration [s].
 
         Returns:
             (N, 4).

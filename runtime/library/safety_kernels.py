@@ -9,7 +9,18 @@ from runtime.library.manifest import Manifest
 
 
 class SafetyKernels:
-    """Torques and their rate, tip, distances; q, dq, ddq, dddq are (N, n) or (n,)."""
+    """Torques and their rate, tip, distances.
+
+    Args:
+        q: (N, n) or (n,) joint positions [rad, m].
+        dq: joint velocities, shape of q [rad/s, m/s].
+        ddq: joint accelerations, shape of q [rad/s², m/s²].
+        dddq: joint jerks, shape of q [rad/s³, m/s³].
+        ddddq: fourth derivative of q, same shape [rad/s⁴, m/s⁴].
+        pi: (10 n,) or (N, 10 n) inertial parameters of the links.
+        seed: weight of each joint, shape of q.
+        plane: (4,) = (n, d), |n| = 1, in the base frame; a table at height z is 0, 0, 1, z.
+    """
 
     name: str
     n_joints: int
@@ -21,12 +32,6 @@ class SafetyKernels:
     ) -> tuple[Array, Array, Array, Array]:
         """Torques τ and their derivatives ∂τ/∂q, ∂τ/∂dq and ∂τ/∂ddq = M(q). Source: Eq. 4.3.
 
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            dq: joint velocities, shape of q [rad/s, m/s].
-            ddq: joint accelerations, shape of q [rad/s², m/s²].
-            pi: (10 n,) or (N, 10 n) inertial parameters of the links.
-
         Returns:
             τ, shape of q [N·m, N], and the derivatives, (N, n, n) each.
         """
@@ -37,13 +42,6 @@ class SafetyKernels:
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, dddq: ArrayLike, pi: ArrayLike
     ) -> Array:
         """Torque rate dτ/dt = ∂τ/∂q dq + ∂τ/∂dq ddq + ∂τ/∂ddq dddq.
-
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            dq: joint velocities, shape of q [rad/s, m/s].
-            ddq: joint accelerations, shape of q [rad/s², m/s²].
-            dddq: joint jerks, shape of q [rad/s³, m/s³].
-            pi: (10 n,) or (N, 10 n) inertial parameters of the links.
 
         Returns:
             Shape of q [N·m/s, N/s].
@@ -60,14 +58,6 @@ class SafetyKernels:
         pi: ArrayLike,
     ) -> tuple[Array, Array, Array]:
         """Torque τ, dτ/dt and d²τ/dt² along a motion.
-
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            dq: joint velocities, shape of q [rad/s, m/s].
-            ddq: joint accelerations, shape of q [rad/s², m/s²].
-            dddq: joint jerks, shape of q [rad/s³, m/s³].
-            ddddq: fourth derivative of q, same shape [rad/s⁴, m/s⁴].
-            pi: (10 n,) or (N, 10 n) inertial parameters of the links.
 
         Returns:
             τ, dτ/dt and d²τ/dt², shape of q each.
@@ -86,14 +76,6 @@ class SafetyKernels:
     ) -> Array:
         """Derivative ∂(seed · dτ/dt)/∂(q, dq, ddq, dddq): three times the work of `torque_rate`.
 
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            dq: joint velocities, shape of q [rad/s, m/s].
-            ddq: joint accelerations, shape of q [rad/s², m/s²].
-            dddq: joint jerks, shape of q [rad/s³, m/s³].
-            pi: (10 n,) or (N, 10 n) inertial parameters of the links.
-            seed: weight of each joint, shape of q.
-
         Returns:
             (N, 4, n).
         """
@@ -105,13 +87,6 @@ class SafetyKernels:
         """Torque rate dτ/dt and its derivative by (q, dq, ddq, dddq) side by side.
 
         It takes n adjoints per sample; `torque_rate_adjoint` gives the rows of single joints.
-
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            dq: joint velocities, shape of q [rad/s, m/s].
-            ddq: joint accelerations, shape of q [rad/s², m/s²].
-            dddq: joint jerks, shape of q [rad/s³, m/s³].
-            pi: (10 n,) or (N, 10 n) inertial parameters of the links.
 
         Returns:
             dτ/dt, shape of q [N·m/s, N/s], and its derivative, (N, n, 4 n).
@@ -126,10 +101,6 @@ class SafetyKernels:
 
     def tip_motion(self, q: ArrayLike, dq: ArrayLike) -> tuple[Array, Array, Array, Array]:
         """Position p and velocity v of the tip in the base frame, with ∂p/∂q = ∂v/∂dq and ∂v/∂q.
-
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            dq: joint velocities, shape of q [rad/s, m/s].
 
         Returns:
             p and v, (N, 3) [m, m/s], and the two derivatives, (N, 3, n).
@@ -151,10 +122,6 @@ class SafetyKernels:
 
     def plane_clearance(self, q: ArrayLike, plane: ArrayLike) -> tuple[Array, Array]:
         """Least n·x − d over each of `moving_proxies`, (N, n_moving) [m], and its gradient.
-
-        Args:
-            q: (N, n) or (n,).
-            plane: (4,) = (n, d), |n| = 1, in the base frame; a table at height z is 0, 0, 1, z.
 
         Returns:
             (N, n_moving) [m], and its gradient, (N, n_moving, n).
@@ -183,7 +150,12 @@ class SafetyKernels:
 
 
 class ProofKernels:
-    """Suprema over K intervals from those of the joints; units are those of SI."""
+    """Suprema over K intervals from those of the joints; units are those of SI.
+
+    Args:
+        motion: bounds of |q| and its first derivatives in time, (K, orders, n).
+        pi: (10 L,) inertial parameters of the links.
+    """
 
     manifest: Manifest
     binding: Binding
@@ -194,11 +166,7 @@ class ProofKernels:
         return "torque_bounds" in self.manifest.kernels
 
     def torque_bounds(self, motion: ArrayLike, pi: ArrayLike) -> Array:
-        """Bounds of |τ|, |dτ/dt|, |d²τ/dt²| and |d³τ/dt³| on intervals.
-
-        Args:
-            motion: bounds of |q| and five derivatives in time, (K, 6, n) [rad, m, and per s …].
-            pi: (10 L,) inertial parameters of the links.
+        """Bounds of |τ|, |dτ/dt|, |d²τ/dt²| and |d³τ/dt³| from six orders of the motion.
 
         Returns:
             (K, 4, n) [N·m, N, and per s …].
@@ -206,10 +174,7 @@ class ProofKernels:
         return self.binding.call("torque_bounds", motion, pi)[0]
 
     def tip_bounds(self, motion: ArrayLike) -> Array:
-        """Bounds of the distance of the tip from the base and three derivatives of its place.
-
-        Args:
-            motion: bounds of |q| and three derivatives in time, (K, 4, n) [rad, m, and per s …].
+        """Bounds of the tip's distance from the base and of three derivatives, from four orders.
 
         Returns:
             (K, 4) [m, m/s, m/s², m/s³].
@@ -219,10 +184,8 @@ class ProofKernels:
     def speed_bounds(self, motion: ArrayLike) -> tuple[Array, Array]:
         """Bounds of the speed that joint j gives to link i: its origin, and turning about it.
 
-        A point of the link at a distance r from its origin gets origin + r · turn at most.
-
-        Args:
-            motion: bounds of |q| and |dq|, (K, 2, n) [rad, m, and per s].
+        A point of the link at a distance r from its origin gets origin + r · turn at most. The
+        motion has two orders, |q| and |dq|.
 
         Returns:
             (K, L, L) [m/s], 0 where joint j does not move link i, and (K, L) [rad/s].

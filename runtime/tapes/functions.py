@@ -24,6 +24,16 @@ class TapeFunctions(ABC):
     begin with its coordinates: see `runtime.BaseMotion`. π is that of the URDF where neither `pi`
     nor `lam` is given. Single precision is computed in double. An argument of another shape, or
     that is no array of real numbers, raises ShapeError.
+
+    Args:
+        q: (..., n) joint positions [rad, m].
+        dq: (..., n) joint velocities [rad/s, m/s].
+        ddq: (..., n) joint accelerations [rad/s², m/s²].
+        tau: (..., n) joint torques [N·m, N].
+        pi: (..., 10 L) inertial parameters.
+        lam: (..., 10 L) coordinates λ in place of π.
+        rotor: J (..., n), inertia of the rotors [kg·m², kg]; None: zero.
+        weight: (n,) diagonal of W; None: 1.
     """
 
     xp: Any
@@ -50,13 +60,6 @@ class TapeFunctions(ABC):
     ) -> Tensor:
         """Joint torques τ = Y(q, dq, ddq) π. Source: Eq. 4.3.
 
-        Args:
-            q: (..., n) joint positions [rad, m].
-            dq: joint velocities [rad/s, m/s].
-            ddq: joint accelerations [rad/s², m/s²].
-            pi: (..., 10 L) inertial parameters.
-            lam: (..., 10 L) coordinates λ in place of π.
-
         Returns:
             (..., n) [N·m, N].
         """
@@ -64,11 +67,6 @@ class TapeFunctions(ABC):
 
     def mass_matrix(self, q: Any, pi: Any = None, *, lam: Any = None) -> Tensor:
         """Mass matrix M(q). Source: Eq. 2.34.
-
-        Args:
-            q: (..., n) joint positions [rad, m].
-            pi: (..., 10 L) inertial parameters.
-            lam: (..., 10 L) coordinates λ in place of π.
 
         Returns:
             (..., n, n).
@@ -78,12 +76,6 @@ class TapeFunctions(ABC):
     def bias(self, q: Any, dq: Any, pi: Any = None, *, lam: Any = None) -> Tensor:
         """Bias forces h = τ(q, dq, 0): Coriolis, centrifugal and gravity. Source: Eq. 2.34.
 
-        Args:
-            q: (..., n) joint positions [rad, m].
-            dq: joint velocities [rad/s, m/s].
-            pi: (..., 10 L) inertial parameters.
-            lam: (..., 10 L) coordinates λ in place of π.
-
         Returns:
             (..., n) [N·m, N].
         """
@@ -91,11 +83,6 @@ class TapeFunctions(ABC):
 
     def gravity(self, q: Any, pi: Any = None, *, lam: Any = None) -> Tensor:
         """Torques that hold the robot at rest, g = τ(q, 0, 0).
-
-        Args:
-            q: (..., n) joint positions [rad, m].
-            pi: (..., 10 L) inertial parameters.
-            lam: (..., 10 L) coordinates λ in place of π.
 
         Returns:
             (..., n) [N·m, N].
@@ -107,14 +94,6 @@ class TapeFunctions(ABC):
         self, q: Any, dq: Any, tau: Any, pi: Any = None, rotor: Any = None, *, lam: Any = None
     ) -> Tensor:
         """Accelerations ddq = (M + diag(J))⁻¹ (τ − h).
-
-        Args:
-            q: (..., n) joint positions [rad, m].
-            dq: joint velocities [rad/s, m/s].
-            tau: joint torques [N·m, N].
-            pi: (..., 10 L) inertial parameters.
-            rotor: J (..., n), inertia of the rotors [kg·m², kg]; None: zero.
-            lam: (..., 10 L) coordinates λ in place of π.
 
         Returns:
             (..., n) [rad/s², m/s²].
@@ -134,16 +113,7 @@ class TapeFunctions(ABC):
         *,
         lam: Any = None,
     ) -> Tensor:
-        """Loss L = Σ ½ rᵀ W r over all samples, r = Y π − τ. Source: Eqs. 4.5, 4.6.
-
-        Args:
-            q: (..., n) joint positions [rad, m].
-            dq: joint velocities [rad/s, m/s].
-            ddq: joint accelerations [rad/s², m/s²].
-            tau: (..., n) measured torques [N·m, N].
-            pi: (10 L,) inertial parameters, the same for all samples.
-            weight: (n,) diagonal of W; None: 1.
-            lam: (10 L,) coordinates λ in place of π.
+        """Loss L = Σ ½ rᵀ W r over all samples of one π or λ, r = Y π − τ. Source: Eqs. 4.5, 4.6.
 
         Returns:
             () loss.
@@ -167,9 +137,6 @@ class TapeFunctions(ABC):
 
     def pi_from_lam(self, lam: Any) -> Tensor:
         """Inertial parameters π of coordinates λ. Source: Eqs. 4.25 to 4.31.
-
-        Args:
-            lam: (..., 10 L) coordinates of all links.
 
         Returns:
             (..., 10 L).

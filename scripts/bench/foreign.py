@@ -6,7 +6,6 @@ noise. An arm is identified from three motions of one day and calibrated on half
 every log that is observed is another motion on another day. Finished arms are lines of a file.
 """
 
-import json
 import os
 from collections.abc import Iterator
 from dataclasses import replace
@@ -18,7 +17,7 @@ import numpy as np
 
 from bench.fleet import joined
 from bench.front import ROOT
-from bench.monitoring import STATED, known_of, lines_of, stated
+from bench.monitoring import STATED, known_of, pushed, resumed, stated
 from runtime import Recording
 from runtime.library import Library
 from runtime.monitoring.calibration import calibrated, calibrated_on, rate_interval
@@ -45,13 +44,10 @@ def plant() -> ModuleType:
 
 def observed(lib: Library, robots: int, done: Path) -> list[list[Any]]:
     """Per robot: number, hours, alarms by rate, pushes, missed ones, interval of 1 per hour."""
-    known = {line[0]: line for line in lines_of(done)}
-    for seed in range(robots):
-        if seed not in known:
-            known[seed] = _robot(lib, seed)
-            with done.open("a") as file:
-                file.write(json.dumps(known[seed]) + "\n")
-    return [known[seed] for seed in range(robots)]
+    rows = resumed(
+        done, [(k,) for k in range(robots)], lambda wanted: (_robot(lib, *each) for each in wanted)
+    )
+    return [[seed, *row] for seed, row in enumerate(rows)]
 
 
 def _robot(lib: Library, seed: int) -> list[Any]:
@@ -81,15 +77,9 @@ def _robot(lib: Library, seed: int) -> list[Any]:
         seconds += seen[0].seconds
         alarms += [len(each.contacts) for each in seen]
         if k % EVERY == 0:
-            tau, joints = np.array(data.tau), [(k // EVERY + i) % 7 for i in range(len(PUSHES))]
-            for start, j in zip(PUSHES, joints, strict=True):
-                pushed = (data.t >= start) & (data.t < start + PUSH_S)
-                tau[pushed, j] -= PUSH * arm.size[j]
-            signals = signals_of(lib, detector, data.replace(tau=tau))
-            contacts = observation_of(lib, by_rate[0], signals).contacts
-            pushes += len(PUSHES)
-            for start, j in zip(PUSHES, joints, strict=True):
-                late = [c.time_s - start for c in contacts if c.number == j]
-                missed += not any(-0.01 <= each <= WITHIN_S for each in late)
+            joints, sizes = [(k // EVERY + i) % 7 for i in range(len(PUSHES))], PUSH * arm.size
+            within = (-0.01, WITHIN_S)
+            found = pushed(lib, by_rate[0], data, PUSHES, joints, sizes, PUSH_S, within)
+            pushes, missed = pushes + len(PUSHES), missed + found.count(False)
     low, high = rate_interval(tails, by_rate[0].levels)
-    return [seed, seconds / 3600, alarms.tolist(), pushes, missed, [3600 * low, 3600 * high]]
+    return [seconds / 3600, alarms.tolist(), pushes, missed, [3600 * low, 3600 * high]]

@@ -8,8 +8,7 @@ Finished logs and weeks are lines of a file, so that a run that was interrupted 
 
 import json
 import subprocess
-from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -79,9 +78,19 @@ def known_of(lib: Library, log: Recording, terms: Friction | None = None, **how:
         return Known(saved, posterior, model, held_out, rows)
 
 
-def lines_of(done: Path) -> Iterator[list[Any]]:
-    """Lines of a file of finished work; none where it does not exist yet."""
-    return map(json.loads, done.read_text().splitlines() if done.exists() else [])
+def resumed(
+    done: Path, keys: list[tuple], work: Callable[[list[tuple]], Iterator[list[Any]]]
+) -> list[list[Any]]:
+    """Rows of keys: those of a file, and the others, which are added to it one by one."""
+    done.parent.mkdir(exist_ok=True)
+    lines = map(json.loads, done.read_text().splitlines() if done.exists() else [])
+    known = {tuple(line[: len(keys[0])]): line[len(keys[0]) :] for line in lines}
+    if wanted := [key for key in keys if key not in known]:
+        for key, row in zip(wanted, work(wanted), strict=True):
+            known[key] = row
+            with done.open("a") as file:
+                file.write(json.dumps([*key, *row]) + "\n")
+    return [known[key] for key in keys]
 
 
 def draws_coverage(
@@ -234,13 +243,8 @@ def seen_by_observer(
     lib: Library, designs: tuple[Trajectory, ...], logs: int, pushed_logs: int, done: Path
 ) -> Seen:
     """Count alarms and pushes on motions that were not in the training."""
-    known = {line[0]: line[1:] for line in lines_of(done)}
-    if wanted := [k for k in range(logs) if k not in known]:
-        for k, row in _watched(lib, designs, wanted, pushed_logs):
-            known[k] = row
-            with done.open("a") as file:
-                file.write(json.dumps([k, *row]) + "\n")
-    rows = [known[k] for k in range(logs)]
+    keys = [(k,) for k in range(logs)]
+    rows = resumed(done, keys, lambda wanted: _watched(lib, designs, wanted, pushed_logs))
     hits = [hit for row in rows for hit in row[2]]
     return Seen(
         sum(row[0] for row in rows) / 3600,
@@ -251,9 +255,9 @@ def seen_by_observer(
 
 
 def _watched(
-    lib: Library, designs: tuple[Trajectory, ...], wanted: list[int], pushed_logs: int
-) -> Iterator[tuple[int, list[object]]]:
-    """Number of a log; its seconds, alarms by rate, and joint and success of its pushes."""
+    lib: Library, designs: tuple[Trajectory, ...], wanted: list[tuple], pushed_logs: int
+) -> Iterator[list[Any]]:
+    """Seconds of a log, alarms by rate, and joint and success of its pushes."""
     log = record(lib, designs[0], seed=FIRST_SEED).recording
     for k in range(1, TRAINING):
         motion = designs[1] if k == 1 else drawn_motion(lib, designs, FIRST_SEED + k)
@@ -273,13 +277,17 @@ def _watched(
     one = plain[STATED.index(AT)]
     one, tails = calibrated_on(lib, one, [free(CALIBRATION_SEED + k) for k in range(CALIBRATION)])
     detectors = [calibrated(replace(one, rate=each.rate), tails) for each in plain]
-    for k in wanted:
+    for (k,) in wanted:
         data = free(k)
         signals = signals_of(lib, one, data)
         seen = [observation_of(lib, each, signals) for each in detectors]
         at = detectors[STATED.index(AT)]
-        hits = pushed(lib, at, data, k) if k < pushed_logs else []
-        yield k, [seen[0].seconds, [len(each.contacts) for each in seen], hits]
+        starts, hits = np.arange(data.t[0] + PERIOD_S, data.t[-1] - PERIOD_S, PERIOD_S), []
+        if k < pushed_logs:
+            joints = [(k + i) % lib.n_joints for i in range(len(starts))]
+            found = pushed(lib, at, data, starts, joints, np.array(PUSH), LENGTH_S, (0, WITHIN_S))
+            hits = [*zip(joints, found, strict=True)]
+        yield [seen[0].seconds, [len(each.contacts) for each in seen], hits]
 
 
 def drawn_motion(lib: Library, designs: tuple[Trajectory, ...], seed: int) -> Trajectory:
@@ -303,16 +311,24 @@ def drawn_motion(lib: Library, designs: tuple[Trajectory, ...], seed: int) -> Tr
     return Trajectory(lib.home, motion * scale[:, None], duration)
 
 
-def pushed(lib: Library, detector: Detector, data: Recording, turn: int) -> list[tuple[int, bool]]:
-    """Joint of pushes that are added to a log, and whether each was found in time."""
-    starts = np.arange(data.t[0] + PERIOD_S, data.t[-1] - PERIOD_S, PERIOD_S)
-    joints = [(turn + k) % lib.n_joints for k in range(len(starts))]
+def pushed(
+    lib: Library,
+    detector: Detector,
+    data: Recording,
+    starts: Array,
+    joints: list[int],
+    sizes: Array,
+    length_s: float,
+    within_s: tuple[float, float],
+) -> list[bool]:
+    """Whether pushes of stated sizes per joint that are added to a log are found in time."""
     tau = np.array(data.tau)
     for start, j in zip(starts, joints, strict=True):
-        tau[(data.t >= start) & (data.t < start + LENGTH_S), j] -= PUSH[j]
-    seen = observe(lib, detector, data.replace(tau=tau))
+        tau[(data.t >= start) & (data.t < start + length_s), j] -= sizes[j]
+    contacts = observe(lib, detector, data.replace(tau=tau)).contacts
+    low, high = within_s
     return [
-        (j, any(c.number == j and 0 <= c.time_s - start <= WITHIN_S for c in seen.contacts))
+        any(c.number == j and low <= c.time_s - start <= high for c in contacts)
         for start, j in zip(starts, joints, strict=True)
     ]
 
@@ -328,37 +344,37 @@ def weeks(
     lib: Library, designs: tuple[Trajectory, ...], counts: dict[float, int], done: Path
 ) -> dict[tuple[float, str], tuple[int, int, int]]:
     """Verdicts on weekly logs of the virtual FR3 with and without a change."""
-    known = {tuple(line[:3]): line[3:] for line in lines_of(done)}
+    keys = [*_wanted(counts)]
+    rows = resumed(done, keys, lambda wanted: _weeks(lib, designs, wanted))
+    seen = {key[:2]: [0, 0, 0] for key in keys}
+    for key, (is_changed, is_right, *_) in zip(keys, rows, strict=True):
+        for k, count in enumerate((1, is_changed, is_right)):
+            seen[key[:2]][k] += count
+    return {key: tuple(each) for key, each in seen.items()}
+
+
+def _weeks(
+    lib: Library, designs: tuple[Trajectory, ...], wanted: list[tuple]
+) -> Iterator[list[Any]]:
+    """Whether a week is seen as changed and named rightly, and its best cause."""
     one, two = (record(lib, each, seed=WEEKS_SEED + k).recording for k, each in enumerate(designs))
     model = known_of(lib, joined(one, two, PAUSE_S))
     root, sigma = model.posterior.of_readings().root(lib), model.held_out.rest.std(axis=0)
-    healthy = [
-        prepare(
-            changed_log(lib, designs, "", 1.0, week)[0], FILTERED, model.saved.friction, lib=lib
-        )
-        for week in REFERENCES
-    ]
-    baseline = baseline_of(lib, model.saved, root, sigma, model.test_rows, healthy)
-    wanted = list(_wanted(counts))
-    for level, change, week in wanted:
-        if (level, change, week) in known:
-            continue
+
+    def prepared(change: str, level: float, week: int) -> tuple[Recording, str]:
         log, joint = changed_log(lib, designs, change, level, week)
-        prepared = prepare(log, FILTERED, model.saved.friction, lib=lib)
-        verdict = verdict_of(lib, baseline, prepared)
-        known[level, change, week] = [verdict.changed, _is_right(verdict, change, joint)]
-        with done.open("a") as file:
-            best = [verdict.best.group, verdict.best.where, verdict.p_value]
-            file.write(json.dumps([level, change, week, *known[level, change, week], *best]) + "\n")
-    logs, seen, right = Counter(), Counter(), Counter()
+        return prepare(log, FILTERED, model.saved.friction, lib=lib), joint
+
+    healthy = [prepared("", 1.0, week)[0] for week in REFERENCES]
+    baseline = baseline_of(lib, model.saved, root, sigma, model.test_rows, healthy)
     for level, change, week in wanted:
-        logs[level, change] += 1
-        seen[level, change] += known[level, change, week][0]
-        right[level, change] += known[level, change, week][1]
-    return {key: (logs[key], seen[key], right[key]) for key in logs}
+        log, joint = prepared(change, level, week)
+        verdict = verdict_of(lib, baseline, log)
+        best = [verdict.best.group, verdict.best.where, verdict.p_value]
+        yield [verdict.changed, _is_right(verdict, change, joint), *best]
 
 
-def _wanted(counts: dict[float, int]) -> Iterable[tuple[float, str, int]]:
+def _wanted(counts: dict[float, int]) -> Iterator[tuple[float, str, int]]:
     """Size, change and week, week by week, the largest size first."""
     for level in sorted(counts, reverse=True):
         for week in range(counts[level]):

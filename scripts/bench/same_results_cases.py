@@ -2,7 +2,8 @@
 
 Of `{NAME}` in a command: a robot is the folder of the case `robot-NAME`, data and models are those
 of the shared folder, inputs those of `same_results_inputs`, tree is the checkout. Commands run in
-the folder of their case. The word `python` runs one of `SCRIPTS`.
+the folder of their case. The word `python` runs one of `SCRIPTS`. Below, @KEY=VALUE stands for
+--settings KEY=VALUE, and ~ for the variations of the log of the FR3, {inputs}/fr3.
 """
 
 _ICUB_LOCKS = " ".join(
@@ -12,19 +13,18 @@ _TIAGO_LOCKS = " ".join(
     f"--lock {name}_joint=0"
     for name in ("head_1", "head_2", "gripper_finger", "gripper_right_finger")
 )
-_BUILD = "build --settings level={level} --out ."
+_BUILD = "build @level={level} --out ."
 _GO2 = "{examples}/go2_description/urdf/go2.urdf"
 _ROBOTS = {
     "fr3": None,
-    "tx40": "{models}/staubli_tx40/tx40_mdh_modified.urdf --settings project=true",
+    "tx40": "{models}/staubli_tx40/tx40_mdh_modified.urdf @project=true",
     "kuka_lwr4": "{models}/kuka_lwr4/kuka_lwr4.urdf",
     "z1": "{models}/unitree_z1/z1.urdf",
     "go2": _GO2,
-    "go2_free": f"{_GO2} --floating --settings project=true",
-    "icub": f"{{data}}/icub_feet/model.urdf --floating --settings project=true --settings "
-    f"snap=1e-4 {_ICUB_LOCKS}",
-    "tiago": "{data}/tiago/tiago_48_schunk.urdf --settings project=true --base torso_fixed_link"
-    f" {_TIAGO_LOCKS}",
+    "go2_free": f"{_GO2} --floating @project=true",
+    "icub": f"{{data}}/icub_feet/model.urdf --floating @project=true @snap=1e-4 {_ICUB_LOCKS}",
+    "tiago": "{data}/tiago/tiago_48_schunk.urdf @project=true --base torso_fixed_link "
+    f"{_TIAGO_LOCKS}",
     "mtm": "{tree}/scripts/dvrk/mtm.toml",
     "psm": "{tree}/scripts/dvrk/psm.toml",
     "ur10": "{models}/universal_robots/ur10_robot.urdf",
@@ -38,22 +38,12 @@ _DVRK = "identify {data}/dvrk"
 _GO2_AIR = "identify {data}/unitree_air/go2.npz --robot {go2} --cutoff 10 --delay auto --out out"
 _GO2_WALKS = "identify {inputs}/go2_walking.npz --robot {go2_free}"
 _ICUB = "identify {inputs}/icub_walking.npz --robot {icub}"
-_SERVO = "identify {inputs}/fr3/servo.npz --robot {fr3} --cutoff 10"
-_CURRENT = (
-    "identify {inputs}/fr3/current.csv --robot {fr3} --recipe {inputs}/currents.toml --cutoff 10"
-)
+_SERVO = "identify ~/servo.npz --robot {fr3} --cutoff 10"
+_CURRENT = "identify ~/current.csv --robot {fr3} --recipe {inputs}/currents.toml --cutoff 10"
 _SIMULATE = "simulate --robot {fr3} --trajectory {tree}/runtime/examples/fr3_trajectory.json"
-_EXCITE = (
-    "excite --robot {fr3} --duration 5 --settings harmonics=3 --settings starts=1 "
-    "--settings processes=1"
-)
-_UNTIL = (
-    "excite --robot {fr3} --settings harmonics=3 --settings starts=1 --settings "
-    "processes=1 --table 0 --until"
-)
-_FREE = " ".join(
-    f"--settings calibrate={{inputs}}/fr3/{log}.csv" for log in ("unit1", "unit2", "unit3", "empty")
-)
+_EXCITE = "excite --robot {fr3} --duration 5 @harmonics=3 @starts=1 @processes=1"
+_UNTIL = "excite --robot {fr3} @harmonics=3 @starts=1 @processes=1 --table 0 --until"
+_FREE = " ".join(f"@calibrate=~/{log}.csv" for log in ("unit1", "unit2", "unit3", "empty"))
 _SO101 = (
     *("backlash_detection", "chirp_sweep", "friction_gravity", "hold_under_gravity", "multisine"),
     *("prbs_excitation", "single_joint_elbow", "slow_precision", "static_holding"),
@@ -62,66 +52,67 @@ _SO101 = (
 _READ = (
     "evaluate out {log} --robot {robot};export out --robot {robot} --to urdf,mjcf --out models;"
     "sample out --robot {robot} --count 2 --to urdf --out samples;"
-    "observe {log} --model out --robot {robot} --settings within=0.1 --out observed;"
-    "watch out {log} --robot {robot} --settings date=2026-01-01;predict {log} --robot {robot};"
+    "observe {log} --model out --robot {robot} @within=0.1 --out observed;"
+    "watch out {log} --robot {robot} @date=2026-01-01;predict {log} --robot {robot};"
     "compare {log} --robot {robot} --methods map,pc-ols --out compared"
 )
 """Everything that reads the result of one log and another log."""
 
-CASES: dict[str, tuple[str, ...]] = {
+_CASES: dict[str, tuple[str, ...]] = {
     "models": ("list", "inspect {tree}/symgen/robots/ur5e.urdf --json", "describe nothing"),
     **{
-        f"robot-{name}": (f"{_BUILD} --urdf {made} --name {name}" if made else
-                          f"{_BUILD} --robot {name}",)
+        f"robot-{name}": (
+            f"{_BUILD} --urdf {made} --name {name}" if made else f"{_BUILD} --robot {name}",
+        )
         for name, made in _ROBOTS.items()
     },
     # One log with measured torque.
-    "panda-map": (f"{_PANDA} --settings save_statistics=true", "evaluate out fr3_simulated "
-                                                               "--robot {fr3} --json"),
-    "panda-no-refit": (f"{_PANDA} --settings refit=false --settings report=false --friction "
-                       f"viscous,coulomb",),
-    "panda-simulation": (f"{_PANDA} --settings preset=simulation",),
-    "panda-real": (f"{_PANDA} --settings preset=real",),
-    "panda-full": (f"{_PANDA} --method adam --settings preset=full --settings seed=3",),
+    "panda-map": (
+        f"{_PANDA} @save_statistics=true",
+        "evaluate out fr3_simulated --robot {fr3} --json",
+    ),
+    "panda-no-refit": (f"{_PANDA} @refit=false @report=false --friction viscous,coulomb",),
+    "panda-simulation": (f"{_PANDA} @preset=simulation",),
+    "panda-real": (f"{_PANDA} @preset=real",),
+    "panda-full": (f"{_PANDA} --method adam @preset=full @seed=3",),
     **{
         f"panda-{method}": (f"{_PANDA} --method {method}",)
         for method in ("adam", "lm", "log-cholesky", "pc-ols", "ols", "wls", "iv", "ekf", "nn")
     },
-    "panda-robust": (f"{_PANDA} --settings robust=true",),
+    "panda-robust": (f"{_PANDA} @robust=true",),
     "panda-auto": (f"{_PANDA} --friction auto,rotor --cutoff auto",),
-    "panda-momentum": (f"{_PANDA} --settings regressor=momentum --cutoff 5 --friction none",),
-    "panda-energy": (f"{_PANDA} --settings regressor=energy --cutoff 5",),
-    "panda-delay": (f"{_PANDA} --delay auto --settings encoder_bias=true",),
+    "panda-momentum": (f"{_PANDA} @regressor=momentum --cutoff 5 --friction none",),
+    "panda-energy": (f"{_PANDA} @regressor=energy --cutoff 5",),
+    "panda-delay": (f"{_PANDA} --delay auto @encoder_bias=true",),
     "panda-prior": (f"{_PANDA} --prior {{inputs}}/arm.toml",),
     "tx40": ("identify tx40_figaroh --robot {tx40} --out out",),
     "tx40-pc-ols": ("identify tx40_figaroh --robot {tx40} --method pc-ols --out out",),
     "lwr4": ("identify lwr4_flobaroid --robot {kuka_lwr4} --out out",),
-    "lwr4-streamed": ("identify lwr4_flobaroid --robot {kuka_lwr4} --settings stream=true --out "
-                      "out",),
-    "lwr4-two": ("identify lwr4_flobaroid --robot {kuka_lwr4} --run 1,2 --out out",
-                 "evaluate out lwr4_flobaroid --robot {kuka_lwr4} --run 3"),
+    "lwr4-streamed": ("identify lwr4_flobaroid --robot {kuka_lwr4} @stream=true --out out",),
+    "lwr4-two": (
+        "identify lwr4_flobaroid --robot {kuka_lwr4} --run 1,2 --out out",
+        "evaluate out lwr4_flobaroid --robot {kuka_lwr4} --run 3",
+    ),
     "lwr4-three": ("identify lwr4_flobaroid --robot {kuka_lwr4} --run 1,2,3 --out out",),
     "fr3": (f"{_FR3} out", f"{_FR3} all --split all", "evaluate all fr3_simulated --robot {fr3}"),
-    "fr3-streamed": (f"{_FR3} out --settings stream=true",),
+    "fr3-streamed": (f"{_FR3} out @stream=true",),
     "dvrk-mtm": (
-        "inspect {data}/dvrk/mtm_one.csv --robot {mtm} --settings log_rate=200 --recipe-out "
-        "recipe.toml",
+        "inspect {data}/dvrk/mtm_one.csv --robot {mtm} @log_rate=200 --recipe-out recipe.toml",
         f"{_DVRK}/mtm_one.csv --robot {{mtm}} --recipe recipe.toml --out out",
         f"{_DVRK}/mtm_two.csv --robot {{mtm}} --recipe recipe.toml --method ols --out two",
         "evaluate out {data}/dvrk/mtm_two.csv --robot {mtm} --recipe recipe.toml",
     ),
     "dvrk-psm": (
-        "inspect {data}/dvrk/psm_one_no_weight.csv --robot {psm} --settings log_rate=200"
-        " --recipe-out recipe.toml",
+        "inspect {data}/dvrk/psm_one_no_weight.csv --robot {psm} @log_rate=200 --recipe-out "
+        "recipe.toml",
         f"{_DVRK}/psm_one_no_weight.csv --robot {{psm}} --recipe recipe.toml --out out",
         "evaluate out {data}/dvrk/psm_two.csv --robot {psm} --recipe recipe.toml",
         *(
-            f"{_DVRK}/{log}.csv --robot {{psm}} --recipe recipe.toml --settings report=false "
-            f"--out {log}"
+            f"{_DVRK}/{log}.csv --robot {{psm}} --recipe recipe.toml @report=false --out {log}"
             for log in ("psm_two", "psm_one_105_grams_parallel")
         ),
-        "payload {data}/dvrk/psm_one_105_grams_parallel.csv --robot {psm} --recipe recipe.toml"
-        " --settings link=link30 --empty {data}/dvrk/psm_one_no_weight.csv --out load",
+        "payload {data}/dvrk/psm_one_105_grams_parallel.csv --robot {psm} --recipe recipe.toml "
+        "@link=link30 --empty {data}/dvrk/psm_one_no_weight.csv --out load",
         "friction out {data}/dvrk/psm_two.csv --robot {psm} --recipe recipe.toml --out friction",
     ),
     # Commanded torque, motor currents, a free base; what reads their results.
@@ -135,15 +126,14 @@ CASES: dict[str, tuple[str, ...]] = {
         _GO2_AIR,
         *_READ.format(robot="{go2}", log="{data}/unitree_air/go2.npz").split(";"),
     ),
-    "go2-tied": (f"{_GO2_AIR} --settings symmetric=FL:FR --settings symmetric=RL:RR --settings "
-                 f"tie=true",),
+    "go2-tied": (f"{_GO2_AIR} @symmetric=FL:FR @symmetric=RL:RR @tie=true",),
     "servo": (
-        "inspect {inputs}/fr3/servo.npz --robot {fr3}",
+        "inspect ~/servo.npz --robot {fr3}",
         f"{_SERVO} --delay auto --out auto",
-        f"{_SERVO} --delay per-joint --settings encoder_bias=false --out per-joint",
+        f"{_SERVO} --delay per-joint @encoder_bias=false --out per-joint",
         f"{_SERVO} --delay 0.02 --friction viscous,coulomb,offset --out fixed",
-        f"{_SERVO} --delay auto --settings stream=true --out streamed",
-        f"{_SERVO} {{inputs}}/fr3/servo_late.npz --delay auto --out several",
+        f"{_SERVO} --delay auto @stream=true --out streamed",
+        f"{_SERVO} ~/servo_late.npz --delay auto --out several",
         "export auto --robot {fr3} --to mjcf,actuators,friction --out models",
     ),
     "tiago": (
@@ -154,134 +144,120 @@ CASES: dict[str, tuple[str, ...]] = {
     "currents": (
         f"{_CURRENT} --friction viscous,coulomb,offset --out out",
         f"{_CURRENT} --method pc-ols --out convex",
-        "gains {inputs}/fr3/current.csv --robot {fr3} --recipe {inputs}/currents.toml "
-        "--settings cutoff=10"
-        " --total-mass 17.4 --recipe-out known.toml",
-        "gains {inputs}/fr3/current.csv --robot {fr3} --recipe {inputs}/currents.toml "
-        "--settings cutoff=10"
-        " --settings weighed=fr3_link4=3.2",
-        "identify {inputs}/fr3/current.csv --robot {fr3} --recipe known.toml --cutoff 10"
-        " --out known",
+        "gains ~/current.csv --robot {fr3} --recipe {inputs}/currents.toml @cutoff=10 "
+        "--total-mass 17.4 --recipe-out known.toml",
+        "gains ~/current.csv --robot {fr3} --recipe {inputs}/currents.toml @cutoff=10 "
+        "@weighed=fr3_link4=3.2",
+        "identify ~/current.csv --robot {fr3} --recipe known.toml --cutoff 10 --out known",
     ),
     "icub-walking": (
-        f"{_ICUB} --settings rows=base --cutoff 3 --split 0.5 --out out",
+        f"{_ICUB} @rows=base --cutoff 3 --split 0.5 --out out",
         *_READ.format(robot="{icub}", log="{inputs}/icub_walking.npz").split(";"),
     ),
     "go2-walking": (
-        f"{_GO2_WALKS} --settings rows=all --cutoff 10 --out out",
-        f"{_GO2_WALKS} --settings rows=base --out base",
-        f"{_GO2_WALKS} --settings rows=joints --out joints",
+        f"{_GO2_WALKS} @rows=all --cutoff 10 --out out",
+        f"{_GO2_WALKS} @rows=base --out base",
+        f"{_GO2_WALKS} @rows=joints --out joints",
         f"{_GO2_WALKS} {{inputs}}/go2_walking_two.npz --out several",
         *_READ.format(robot="{go2_free}", log="{inputs}/go2_walking_two.npz").split(";"),
     ),
     "ur10": (
         "inspect {data}/ur_collisions/Axis_1_1.csv.gz --robot {ur10} --recipe {inputs}/ur.toml",
         *(
-            f"identify {{data}}/ur_collisions/{log}.csv.gz --robot {{ur10}} --settings report=false"
-            f" --recipe {{inputs}}/ur.toml --out {log}"
+            f"identify {{data}}/ur_collisions/{log}.csv.gz --robot {{ur10}} @report=false "
+            f"--recipe {{inputs}}/ur.toml --out {log}"
             for log in ("Axis_1_2", "Axis_1_3", "Drift00_NF_1", "Drift00_NF_2", "Drift00_NF_3")
         ),
-        "identify {data}/ur_collisions/Axis_1_1.csv.gz {data}/ur_collisions/Axis_3_1.csv.gz"
-        " {data}/ur_collisions/Axis_5_1.csv.gz --robot {ur10} --recipe {inputs}/ur.toml --out out",
-        "observe {data}/ur_collisions/Drift00_WF_1.csv.gz --model out --robot {ur10}"
-        " --recipe {inputs}/ur.toml --settings within=0.1 --out observed",
+        "identify {data}/ur_collisions/Axis_1_1.csv.gz {data}/ur_collisions/Axis_3_1.csv.gz "
+        "{data}/ur_collisions/Axis_5_1.csv.gz --robot {ur10} --recipe {inputs}/ur.toml --out out",
+        "observe {data}/ur_collisions/Drift00_WF_1.csv.gz --model out --robot {ur10} --recipe "
+        "{inputs}/ur.toml @within=0.1 --out observed",
     ),
     "so101": (
         "inspect {inputs}/so101/multisine.csv --robot {so101}",
         *(
-            f"identify {{inputs}}/so101/{log}.csv --robot {{so101}} --cutoff 3 --settings "
-            f"report=false --out {log}"
+            f"identify {{inputs}}/so101/{log}.csv --robot {{so101}} --cutoff 3 @report=false "
+            f"--out {log}"
             for log in _SO101
         ),
     ),
     "gantry": (
-        "simulate --robot {gantry} --ideal --settings viscous=1 --settings coulomb=0.5 --out "
-        "log.csv",
+        "simulate --robot {gantry} --ideal @viscous=1 @coulomb=0.5 --out log.csv",
         "identify log.csv --robot {gantry} --out out",
         "export out --robot {gantry} --out models",
     ),
     # Formats of one log, and several logs.
     "formats": tuple(
-        f"identify {{inputs}}/fr3/log.{kind} --robot {{fr3}} --cutoff 10 --settings "
-        f"report=false --out {kind}"
-        + (" --friction viscous,coulomb --settings stream=true" * (kind in {"parquet", "mcap"}))
+        f"identify ~/log.{kind} --robot {{fr3}} --cutoff 10 @report=false --out {kind}"
+        + (" --friction viscous,coulomb @stream=true" * (kind in {"parquet", "mcap"}))
         for kind in ("csv.gz", "parquet", "h5", "mcap")
     ),
     "several": (
-        "payload {inputs}/fr3/loaded.csv --robot {fr3} --empty {inputs}/fr3/empty.csv"
-        " --settings cutoff=10 --out tool",
-        "identify {inputs}/fr3/empty.csv {inputs}/fr3/loaded.csv {inputs}/fr3/unit2.csv"
-        " --robot {fr3} --cutoff 10 --settings payload_of={inputs}/fr3/loaded.csv=tool/payload.json"
-        " --delay auto --out out",
-        "identify {inputs}/fr3/unit1.csv {inputs}/fr3/unit2.csv --robot {fr3} --cutoff 10 "
-        "--settings stream=true"
-        " --friction viscous,coulomb --settings refit=false --out streamed",
-        "identify {inputs}/fr3/unit1.csv {inputs}/fr3/unit2.csv --robot {fr3} --cutoff 10"
-        " --method pc-ols --settings robust=true --out robust",
-        *_READ.format(robot="{fr3}", log="{inputs}/fr3/unit3.csv").split(";"),
+        "payload ~/loaded.csv --robot {fr3} --empty ~/empty.csv @cutoff=10 --out tool",
+        "identify ~/empty.csv ~/loaded.csv ~/unit2.csv --robot {fr3} --cutoff 10 "
+        "@payload_of=~/loaded.csv=tool/payload.json --delay auto --out out",
+        "identify ~/unit1.csv ~/unit2.csv --robot {fr3} --cutoff 10 @stream=true --friction "
+        "viscous,coulomb @refit=false --out streamed",
+        "identify ~/unit1.csv ~/unit2.csv --robot {fr3} --cutoff 10 --method pc-ols @robust=true "
+        "--out robust",
+        *_READ.format(robot="{fr3}", log="~/unit3.csv").split(";"),
     ),
     # Uses of a result.
     "payload": (
-        "payload {inputs}/fr3/loaded.csv --robot {fr3} --empty {inputs}/fr3/empty.csv"
-        " --settings cutoff=10 --out tool",
+        "payload ~/loaded.csv --robot {fr3} --empty ~/empty.csv @cutoff=10 --out tool",
         f"{_FR3} arm",
-        "payload {inputs}/fr3/loaded.csv --robot {fr3} --model arm --settings cutoff=10 "
-        "--settings gain_error=0.01"
-        " --out model",
-        "payload {inputs}/fr3/loaded.csv --robot {fr3} --settings link=fr3_link7 --out urdf --json",
+        "payload ~/loaded.csv --robot {fr3} --model arm @cutoff=10 @gain_error=0.01 --out model",
+        "payload ~/loaded.csv --robot {fr3} @link=fr3_link7 --out urdf --json",
     ),
     "gains": (
-        "gains {inputs}/fr3/empty.csv {inputs}/fr3/loaded.csv --robot {fr3} --settings cutoff=10"
-        " --payload 1,0,0,0.043 --recipe-out gains.toml",
-        "identify {inputs}/fr3/heavy.csv --robot {fr3} --recipe gains.toml --cutoff 10 --out out",
+        "gains ~/empty.csv ~/loaded.csv --robot {fr3} @cutoff=10 --payload 1,0,0,0.043 "
+        "--recipe-out gains.toml",
+        "identify ~/heavy.csv --robot {fr3} --recipe gains.toml --cutoff 10 --out out",
     ),
     "predict": (
         "predict fr3_simulated --robot {fr3} --more same --json",
-        "predict panda_gaz --robot {fr3} --settings earlier_log=fr3_simulated --settings "
-        "friction=viscous,coulomb",
-        "predict panda_gaz --robot {fr3} --settings payload_only=true --noise 0.1",
+        "predict panda_gaz --robot {fr3} @earlier_log=fr3_simulated @friction=viscous,coulomb",
+        "predict panda_gaz --robot {fr3} @payload_only=true --noise 0.1",
         "predict {tree}/runtime/examples/fr3_trajectory.json --robot {fr3} --noise fr3_simulated",
     ),
     "compare": (
         "compare fr3_simulated --robot {fr3} --cutoff 10 --friction viscous,coulomb --out out",
         "compare panda_gaz --robot {fr3} --methods map,pc-ols,ols,lm --out panda",
-        "compare lwr4_flobaroid --robot {kuka_lwr4} --methods map,pc-ols,wls --settings "
-        "stream=true --out lwr4",
+        "compare lwr4_flobaroid --robot {kuka_lwr4} --methods map,pc-ols,wls @stream=true --out "
+        "lwr4",
     ),
     "observe": (
         f"{_FR3} out --friction viscous,coulomb",
-        "observe {inputs}/fr3/pushed.csv --model out --robot {fr3} --free {inputs}/fr3/unit1.csv"
-        " --settings link=fr3_link4 --settings within=0.1 --settings mcap=true --out observed",
-        "observe {inputs}/fr3/pushed.csv --model out --robot {fr3} --settings within=0.1"
-        f" --settings false_alarms='2 per day' {_FREE} --out calibrated",
+        "observe ~/pushed.csv --model out --robot {fr3} --free ~/unit1.csv @link=fr3_link4 "
+        "@within=0.1 @mcap=true --out observed",
+        "observe ~/pushed.csv --model out --robot {fr3} @within=0.1 @false_alarms='2 per day' "
+        f"{_FREE} --out calibrated",
     ),
     "watch": (
         f"{_FR3} out --friction viscous,coulomb",
         *(
-            f"watch out {{inputs}}/fr3/{log}.csv --robot {{fr3}} --settings date=2026-01-0{day}"
-            " --history history.jsonl --settings temperature=30"
+            f"watch out ~/{log}.csv --robot {{fr3}} @date=2026-01-0{day} --history history.jsonl "
+            "@temperature=30"
             for day, log in enumerate(("unit1", "rubbing", "heavy", "loaded"), 1)
         ),
-        "watch out {inputs}/fr3/unit1.csv {inputs}/fr3/rubbing.csv --robot {fr3} --json",
+        "watch out ~/unit1.csv ~/rubbing.csv --robot {fr3} --json",
         "report history.jsonl --out trends.html",
     ),
     "fleet": (
         *(
-            f"identify {{inputs}}/fr3/unit{k}.csv --robot {{fr3}} --cutoff 10 --settings "
-            f"save_statistics=true"
-            f" --friction viscous,coulomb,offset --settings report=false --out units/unit{k}"
+            f"identify ~/unit{k}.csv --robot {{fr3}} --cutoff 10 @save_statistics=true --friction "
+            f"viscous,coulomb,offset @report=false --out units/unit{k}"
             for k in (1, 2, 3)
         ),
         "fleet units --robot {fr3} --out fleet.toml --json",
-        "identify {inputs}/fr3/heavy.csv --robot {fr3} --cutoff 10 --prior fleet.toml --out new",
+        "identify ~/heavy.csv --robot {fr3} --cutoff 10 --prior fleet.toml --out new",
     ),
-    "sample": (f"{_FR3} out", "sample out --robot {fr3} --count 5 --to mjcf,urdf --settings "
-                              "seed=1"),
+    "sample": (f"{_FR3} out", "sample out --robot {fr3} --count 5 --to mjcf,urdf @seed=1"),
     "export": (f"{_FR3} out", "export out --robot {fr3} --out models"),
     "friction": (
         f"{_FR3} out --friction viscous,coulomb,offset",
-        "friction out {inputs}/fr3/rubbing.csv --robot {fr3} --out today",
-        "evaluate today {inputs}/fr3/rubbing.csv --robot {fr3}",
+        "friction out ~/rubbing.csv --robot {fr3} --out today",
+        "evaluate today ~/rubbing.csv --robot {fr3}",
     ),
     "inspect": tuple(
         f"inspect {log} --robot {{{robot}}} --json"
@@ -290,82 +266,83 @@ CASES: dict[str, tuple[str, ...]] = {
             ("fr3_simulated", "fr3"),
             ("tx40_figaroh", "tx40"),
             ("lwr4_flobaroid", "kuka_lwr4"),
-            ("{inputs}/fr3/heavy.csv", "fr3"),
+            ("~/heavy.csv", "fr3"),
         )
     ),
     # Motions, virtual robots, campaigns.
     "simulate": (
-        f"{_SIMULATE} --settings viscous=0.8 --settings coulomb=0.4 --settings keep_every=5 "
-        f"--out log.csv",
-        f"{_SIMULATE} --engine mujoco --seed 1 --settings keep_every=5 --out real.npz",
+        f"{_SIMULATE} @viscous=0.8 @coulomb=0.4 @keep_every=5 --out log.csv",
+        f"{_SIMULATE} --engine mujoco --seed 1 @keep_every=5 --out real.npz",
         f"{_SIMULATE} --payload 1.8,0.01,0.02,0.167,0.1,0.08,0.1 --out loaded.npz",
         *(
-            f"identify log.csv --robot {{fr3}} --method {method} --settings "
-            f"controller=log.loop.toml --friction viscous,coulomb --cutoff 20 --out {method}"
+            f"identify log.csv --robot {{fr3}} --method {method} @controller=log.loop.toml "
+            f"--friction viscous,coulomb --cutoff 20 --out {method}"
             for method in ("iv", "didim", "ekf", "ukf")
         ),
-        "compare log.csv --robot {fr3} --methods map,iv,didim,ols --settings "
-        "controller=log.loop.toml"
-        " --friction viscous,coulomb --out compared",
+        "compare log.csv --robot {fr3} --methods map,iv,didim,ols @controller=log.loop.toml "
+        "--friction viscous,coulomb --out compared",
         "identify real.npz --robot {fr3} --cutoff 10 --out real",
     ),
-    "excite": (f"{_EXCITE} --table 0 --export csv --export ros --out motion.json",
-               "approach motion.json --robot {fr3} --from home --return --table 0"
-               " --obstacles {inputs}/cell.toml --export npz --out way.json",
-               "predict motion.json --robot {fr3} --settings log_rate=50 --json"),
-    "excite-document": (f"{_EXCITE} --settings document=true --out motion.json",),
-    "excite-limits": (
-        f"{_EXCITE} --table 0 --settings basis=fourier --criterion d --carry 1,0,0,0.1,0.1,0.1,0.1"
-        " --settings payload_band=0.2,0.1 --settings friction_band=20 --settings viscous=1 "
-        "--settings coulomb=0.5 --settings model_band=cad"
-        " --obstacles {inputs}/cell.toml --export libfranka --speed 50 --out motion.json",
+    "excite": (
+        f"{_EXCITE} --table 0 --export csv --export ros --out motion.json",
+        "approach motion.json --robot {fr3} --from home --return --table 0 --obstacles "
+        "{inputs}/cell.toml --export npz --out way.json",
+        "predict motion.json --robot {fr3} @log_rate=50 --json",
     ),
-    "excite-spline": (f"{_EXCITE} --settings basis=bspline --criterion a --settings "
-                      f"zero_jerk=true --out motion.json",),
+    "excite-document": (f"{_EXCITE} @document=true --out motion.json",),
+    "excite-limits": (
+        f"{_EXCITE} --table 0 @basis=fourier --criterion d --carry 1,0,0,0.1,0.1,0.1,0.1 "
+        "@payload_band=0.2,0.1 @friction_band=20 @viscous=1 @coulomb=0.5 @model_band=cad "
+        "--obstacles {inputs}/cell.toml --export libfranka --speed 50 --out motion.json",
+    ),
+    "excite-spline": (f"{_EXCITE} @basis=bspline --criterion a @zero_jerk=true --out motion.json",),
     "excite-several": (
-        f"{_EXCITE} --settings motions=2 --table 0 --noise fr3_simulated --settings "
-        "noise_model=coloured --cutoff 10 --out motion.json",
+        f"{_EXCITE} @motions=2 --table 0 --noise fr3_simulated @noise_model=coloured --cutoff 10 "
+        "--out motion.json",
     ),
     "excite-until": (
         f"{_UNTIL} v=500mNm --from home --return --out motion.json",
         f"{_UNTIL} 'payload 20 g' --out payload.json",
     ),
     "excite-ur5e": (
-        "excite --robot {ur5e} --duration 4 --settings harmonics=3 --settings starts=2 "
-        "--settings seed=4 --settings processes=2"
-        " --table 0 --out motion.json",
+        "excite --robot {ur5e} --duration 4 @harmonics=3 @starts=2 @seed=4 @processes=2 --table "
+        "0 --out motion.json",
     ),
-    "static": ("excite --robot {fr3} --settings static=true --settings poses=6 --table 0 --out "
-               "poses.json",),
+    "static": ("excite --robot {fr3} @static=true @poses=6 --table 0 --out poses.json",),
     "campaign": (
-        "campaign --robot {fr3} --target v=2Nm --settings stages=50 --settings rehearsal=false "
-        "--settings later_duration=2.5"
-        " --out session",
+        "campaign --robot {fr3} --target v=2Nm @stages=50 @rehearsal=false @later_duration=2.5 "
+        "--out session",
     ),
     "campaign-payload": (
-        "campaign --robot {fr3} --target payload=50g --settings stages=100 --settings "
-        "rehearsal=false"
-        " --settings later_duration=2.5 --json --out session",
+        "campaign --robot {fr3} --target payload=50g @stages=100 @rehearsal=false "
+        "@later_duration=2.5 --json --out session",
     ),
     # The Python interface, tables, and input that is refused.
     "python": ("python identify {fr3}", "python payload {fr3} {inputs}/fr3"),
-    "reproduce": ("reproduce list", "reproduce tables-B --settings robot={fr3} --out results",
-                  "report results --out report.html --settings markdown=tables.md"),
+    "reproduce": (
+        "reproduce list",
+        "reproduce tables-B @robot={fr3} --out results",
+        "report results --out report.html @markdown=tables.md",
+    ),
     "refused": (
         "identify nothing.csv --robot {fr3}",
         "identify fr3_simulated --robot {tx40}",
         "identify fr3_simulated --robot {fr3} --method nothing",
-        "identify fr3_simulated --robot {fr3} --method didim --settings stream=true",
-        "identify fr3_simulated --robot {fr3} --settings tie=true",
-        "identify fr3_simulated --robot {fr3} --settings rows=base",
-        "identify fr3_simulated --robot {fr3} --settings encoder_bias=true --settings stream=true",
+        "identify fr3_simulated --robot {fr3} --method didim @stream=true",
+        "identify fr3_simulated --robot {fr3} @tie=true",
+        "identify fr3_simulated --robot {fr3} @rows=base",
+        "identify fr3_simulated --robot {fr3} @encoder_bias=true @stream=true",
         "identify fr3_simulated panda_gaz --robot {fr3} --method ekf",
         "identify {inputs}/icub_walking.npz --robot {icub} --delay auto",
-        "payload {inputs}/fr3/loaded.csv --robot {fr3} --empty panda_gaz",
-        "gains {inputs}/fr3/empty.csv --robot {fr3}",
+        "payload ~/loaded.csv --robot {fr3} --empty panda_gaz",
+        "gains ~/empty.csv --robot {fr3}",
     ),
-}  # fmt: skip
+}
 
+CASES = {
+    name: tuple(line.replace("@", "--settings ").replace("~/", "{inputs}/fr3/") for line in lines)
+    for name, lines in _CASES.items()
+}
 SCRIPTS = {
     "identify": """
 import json, sys, runtime

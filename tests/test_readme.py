@@ -18,7 +18,7 @@ from runtime.estimators.prior_file import read_prior
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.obstacles import read_obstacles
 from runtime.excitation.trajectory_file import write_motion
-from runtime.recording import load_recipe
+from runtime.recording.recipes.recipe_file import load_recipe
 from symgen.chain.mechanism import Mechanism
 from symgen.cli.make import read_mechanism
 from symgen.make.config import read_config

@@ -42,7 +42,8 @@ from runtime.identification.single_log import identify_recording
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.friction import OFFSET, dahl_state, spread
+from runtime.recording.friction.columns import OFFSET, dahl_state
+from runtime.recording.friction.coupled_motors import spread
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.filters import low_pass
 from runtime.recording.preprocessing.segments import differentiate

@@ -23,7 +23,7 @@ from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.identification.identified import Identification
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
-from runtime.recording.friction import OFFSET
+from runtime.recording.friction.columns import OFFSET
 
 UNITS = {
     "v": {"mNm": 1e-3, "Nm": 1.0, "mN": 1e-3, "N": 1.0},

@@ -42,7 +42,7 @@ from runtime.identification.settings import AUTO, Settings
 from runtime.outputs.report.comparison import results_page
 from runtime.outputs.report.page import write_page
 from runtime.outputs.report.report import write_report
-from runtime.recording import open_log
+from runtime.recording.streamed import open_log
 
 _WRITTEN = ResultFolder("compare", ("compare.json", "compare.md", "report.html", FILE), "rows")
 

@@ -31,7 +31,7 @@ from runtime.excitation.search.criteria import CRITERIA, criterion_of
 from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.information import FRICTION, Information
 from runtime.library import Library
-from runtime.recording.friction import COLUMNS
+from runtime.recording.settings import COLUMNS
 
 HARMONICS = 8
 """Default number of harmonics: logs of virtual arms give smaller errors than with 5, and the same

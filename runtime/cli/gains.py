@@ -22,10 +22,12 @@ from runtime.identification.settings import Settings, friction_of
 from runtime.library import Array, Library
 from runtime.library.manifest import common_unit, torque_units
 from runtime.recording import Recipe as Plan
-from runtime.recording import Recording, plan_of, read_recording, recipe_text
+from runtime.recording import Recording, read_recording
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.current_gains import CurrentGains
-from runtime.recording.friction import COLUMNS
+from runtime.recording.reader import plan_of
+from runtime.recording.recipes.recipe_file import recipe_text
+from runtime.recording.settings import COLUMNS
 
 OF_BIAS = (
     "a bias has the same effect as friction that differs between the directions; column "

@@ -28,7 +28,8 @@ from runtime.identification.identify import SEVERAL_STREAMED, Source, identify, 
 from runtime.identification.settings import AUTO, Settings
 from runtime.identification.several_logs import NamedLog, read_carried
 from runtime.library import Array, Library
-from runtime.recording import StreamedRecording, is_large, open_log, read_recording
+from runtime.recording import read_recording
+from runtime.recording.streamed import StreamedRecording, is_large, open_log
 
 _WRITTEN = ResultFolder(
     "identify",

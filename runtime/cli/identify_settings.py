@@ -17,8 +17,9 @@ from runtime.estimators.prior_file import KnownFriction
 from runtime.identification.problem_setup import settings_for
 from runtime.identification.settings import NAMES, Settings
 from runtime.library import Library
-from runtime.recording import Recording, load_recipe, read_recording
+from runtime.recording import Recording, read_recording
 from runtime.recording.coupled_joints import independent_joints
+from runtime.recording.recipes.recipe_file import load_recipe
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,7 +17,7 @@ from runtime.identification.settings import AUTO
 from runtime.library import Library
 from runtime.recording import EVERYTHING, REGRESSORS, Friction, Split
 from runtime.recording.datasets import known_names
-from runtime.recording.friction import COLUMNS
+from runtime.recording.settings import COLUMNS
 
 
 def bundled_logs(incomplete: str) -> list[str]:

@@ -54,7 +54,7 @@ from runtime.library.manifest import listed_torques, torque_units
 from runtime.library.parameters import N_PARAMETERS, inertia, links, mass
 from runtime.outputs.report.log_figure import draw_growth
 from runtime.recording import Friction, read_recording
-from runtime.recording.friction import COLUMNS
+from runtime.recording.settings import COLUMNS
 from runtime.simulation import sample_times
 
 MOST_ROWS = 300_000

@@ -28,12 +28,11 @@ from runtime.simulation import (
     Plant,
     closed_loop,
     ideal,
-    perturbed_lam,
     read_payload,
     record,
     settings_of,
-    write_controller,
 )
+from runtime.simulation.closed_loop import perturbed_lam, write_controller
 from runtime.simulation.plant import require_no_springs
 
 

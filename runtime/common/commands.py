@@ -23,7 +23,7 @@ from runtime.common.errors import RuntimeFault
 from runtime.common.settings import Choices, as_function, choices_of, record_of, stated_settings
 from runtime.common.terminal import VERBOSE, as_typed, flowing
 
-__all__ = ["INTERRUPTED", "Command", "Commands", "application", "imported", "run"]
+__all__ = ["INTERRUPTED"]
 
 INTERRUPTED = 130
 """Exit code that Typer makes of Ctrl-C, where no method returns its best result so far."""
@@ -354,17 +354,7 @@ class Commands(TyperGroup):
 def application(
     group: type[Commands], purpose: str, version: str, add_completion: bool = False
 ) -> typer.Typer:
-    """The application of a group of commands.
-
-    Args:
-        group: class of its commands.
-        purpose: sentence of the help.
-        version: what `--version` prints.
-        add_completion: whether it installs completion for a shell.
-
-    Returns:
-        Application without commands of its own; the group imports them.
-    """
+    """Application of a group of commands that states a purpose; the group imports the commands."""
 
     def print_version(ctx: typer.Context, requested: bool) -> None:
         if requested:
@@ -399,15 +389,7 @@ def application(
 
 
 def run(app: typer.Typer, name: str) -> None:
-    """Run a command line; a `RuntimeFault` becomes one sentence and exit code 2.
-
-    Args:
-        app: application.
-        name: program that the sentence names.
-
-    Raises:
-        SystemExit: at the end, with the exit code.
-    """
+    """Run a command line, then exit; a `RuntimeFault` becomes one sentence and exit code 2."""
     # With a hundred columns a second thread of BLAS only waits, and its waiting took four fifths of
     # a command's processor time. NumPy and worker processes read this when they start.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -22,20 +22,7 @@ from typing import IO, Any
 
 from runtime.common.errors import RuntimeFault
 
-__all__ = [
-    "DRAFT",
-    "LARGEST_DOCUMENT",
-    "bytes_of",
-    "json_of",
-    "replacing",
-    "replacing_folder",
-    "require_file",
-    "require_unused",
-    "sha256_of",
-    "text_of",
-    "toml_of",
-    "values_of",
-]
+__all__ = ["json_of", "replacing", "require_file", "sha256_of"]
 
 DRAFT = ".symgen."
 """Start of the names of files that are not complete yet; a killed process leaves them behind."""
@@ -163,16 +150,9 @@ def require_unused(
     option: str | None = "--out",
     consent: str = "--overwrite",
 ) -> None:
-    """Refuse to replace existing files; the sentence names the option of the place, if any.
+    """Refuse to replace existing files unless `overwrite` is set.
 
-    Args:
-        paths: files that will be written.
-        overwrite: whether existing ones are replaced.
-        option: option that names another place.
-        consent: how the user allows it.
-
-    Raises:
-        RuntimeFault: one of them exists.
+    The sentence names the option of another place, if any, and the consent: how the user allows it.
     """
     existing = [path for path in paths if os.path.lexists(path)]
     if existing and not overwrite:
@@ -211,19 +191,10 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
 
 @contextmanager
 def replacing_folder(path: Path) -> Iterator[Path]:
-    """A new folder whose files move to `path` when the block ends without an error.
+    """A new folder beside `path`, whose files move there when the block ends without an error.
 
     Files of `path` that the new folder lacks stay. On any error of writing the old folder stays
     unchanged.
-
-    Args:
-        path: of the folder.
-
-    Yields:
-        The new folder, beside `path`.
-
-    Raises:
-        RuntimeFault: a file cannot be written.
     """
     draft = path.with_name(f"{DRAFT}{secrets.token_hex(8)}")
     try:

@@ -27,15 +27,7 @@ from msgspec import Meta
 
 from runtime.common.files import toml_of
 
-__all__ = [
-    "Factors",
-    "Name",
-    "Record",
-    "Vector3",
-    "record_from_table",
-    "record_from_toml",
-    "table_from_record",
-]
+__all__ = ["record_from_table"]
 
 T = TypeVar("T")
 Name = Annotated[str, Meta(min_length=1)]
@@ -94,17 +86,7 @@ def record_from_table(
 
 
 def record_from_toml(kind: type[T], path: Path, where: str, error: type[Exception]) -> T:
-    """Record of a TOML file, or one sentence on the first fault.
-
-    Args:
-        kind: as for `record_from_table`.
-        path: of the file.
-        where: the file, as the sentence names it.
-        error: what is raised.
-
-    Returns:
-        The record; numbers in it are finite.
-    """
+    """Record of a TOML file of finite numbers, or one sentence on the first fault in `where`."""
     try:
         table = toml_of(path)
     except (OSError, ValueError) as fault:

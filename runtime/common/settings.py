@@ -35,16 +35,7 @@ from runtime.common.errors import RuntimeFault
 from runtime.common.files import replacing, tables_of, toml_of
 from runtime.common.records import record_from_table
 
-__all__ = [
-    "CONSENT",
-    "FILE",
-    "Choices",
-    "data_option",
-    "model_option",
-    "output_option",
-    "settings_place",
-    "stated_settings",
-]
+__all__ = ["output_option"]
 
 FILE = "settings.toml"
 """Name of the file beside a result."""
@@ -195,17 +186,9 @@ _FILES = Annotated[
 
 
 def stated_settings(record: type[Choices], words: Sequence[str]) -> dict[str, Any]:
-    """Fields that the words behind --settings state; the last word counts, of lists every word.
+    """Fields that the words behind --settings state, files or NAME=VALUE, as Typer takes them.
 
-    Args:
-        record: of the command.
-        words: files, or NAME=VALUE.
-
-    Returns:
-        Field → value as Typer takes it from the command line.
-
-    Raises:
-        RuntimeFault: a key is unknown, or a value is not of its type.
+    The last word counts, of lists every word.
     """
     values: dict[str, Any] = {}
     added: set[str] = set()  # fields with several values that words gave, not files

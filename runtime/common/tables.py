@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-__all__ = ["NOTHING", "Table", "number", "percent", "significant"]
+__all__ = ["Table"]
 
 NOTHING = "–"
 
@@ -69,30 +69,14 @@ class Table:
 
 
 def percent(value: float | None, digits: int = 2) -> str:
-    """Percentage with a no-break space before its sign, without decimals from 100 on.
-
-    Args:
-        value: number; None where there is none.
-        digits: decimals below 100.
-
-    Returns:
-        Text of a cell.
-    """
+    """Percentage with a no-break space before its sign, without decimals from 100 on."""
     if value is None or not math.isfinite(value):
         return number(value)
     return f"{value:.{digits if abs(value) < 100 else 0}f}\N{NO-BREAK SPACE}%"
 
 
 def significant(value: float, digits: int = 2) -> str:
-    """Number rounded to significant digits, without an exponent between 1e-4 and 1e6.
-
-    Args:
-        value: number.
-        digits: significant digits.
-
-    Returns:
-        Text, such as 670 and not 6.7e+02.
-    """
+    """Number rounded to significant digits, without an exponent between 1e-4 and 1e6."""
     return f"{float(f'{value:.{digits}g}'):g}"
 
 

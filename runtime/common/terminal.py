@@ -16,7 +16,7 @@ from rich.table import Table as RichTable
 
 from runtime.common.tables import Table
 
-__all__ = ["VERBOSE", "as_typed", "command_line", "completing", "console", "program", "say", "show"]
+__all__ = ["command_line", "say", "show"]
 
 console = Console()
 VERBOSE: ContextVar[bool] = ContextVar("VERBOSE", default=False)

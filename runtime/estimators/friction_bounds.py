@@ -18,7 +18,7 @@ from runtime.estimators.problem import Problem
 from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.posterior import posterior_of
 from runtime.library import Array
-from runtime.recording.friction import names_where
+from runtime.recording.settings import names_where
 
 MOST = 10.0
 """Largest torque of one friction column, RMS over that of the joint: columns that cancel each other

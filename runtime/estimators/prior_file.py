@@ -60,7 +60,7 @@ from runtime.estimators.problem import FrictionPrior, NoiseFloor
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, PI_NAMES, links
 from runtime.recording import Friction
-from runtime.recording.friction import ROTOR
+from runtime.recording.friction.columns import ROTOR
 from runtime.recording.settings import COLUMNS, WIDTHS, widths_of
 
 LARGEST_PRIOR = 1e9

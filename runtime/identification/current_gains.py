@@ -39,7 +39,8 @@ from runtime.recording.current_gains import (
     UP_TO_FACTOR,
     CurrentGains,
 )
-from runtime.recording.friction import DRIVE, geared
+from runtime.recording.friction.coupled_motors import geared
+from runtime.recording.friction.model import DRIVE
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.unit_conversion import scaled

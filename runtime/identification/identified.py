@@ -18,9 +18,13 @@ from runtime.identification.result_tables import error_table, link_table, parame
 from runtime.library import Array, Library
 from runtime.library.manifest import torque_units
 from runtime.library.parameters import links, mass
-from runtime.recording import Friction, Recording, friction
+from runtime.recording import Friction, Recording
+from runtime.recording.friction.coupled_motors import coupling_of_terms
+from runtime.recording.friction.model import columns as friction_columns
+from runtime.recording.friction.model import torque as friction_torque
 from runtime.recording.notebook import Framed
 from runtime.recording.row_marks import Marks
+from runtime.recording.settings import JointMotion
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,7 +57,7 @@ class Identification(Framed):
         pi: standard parameters π, (10 n,) [kg, kg·m ×3, kg·m² ×6 per link].
         lam: λ of π, (10 n,); None where π is not physically consistent.
         beta: base parameters β = K π, (n_b,).
-        phi: friction coefficients of `friction.columns`, (n, k).
+        phi: friction coefficients of `friction_columns`, (n, k).
         friction: friction model.
         weights: diagonal of W in the loss, (n,).
         status: how the method ended, as a sentence.
@@ -164,9 +168,9 @@ class Identification(Framed):
         speed, position, acceleration = (
             np.atleast_2d(np.asarray(a, dtype=float)) for a in (dq, q, ddq)
         )
-        motion = friction.JointMotion(speed, position, acceleration, self.lib)
-        columns = friction.columns(motion, self.friction)
-        extra = friction.torque(columns, self.usual_phi, friction.coupling_of_terms(self.friction))
+        motion = JointMotion(speed, position, acceleration, self.lib)
+        columns = friction_columns(motion, self.friction)
+        extra = friction_torque(columns, self.usual_phi, coupling_of_terms(self.friction))
         if self.learned is not None:
             extra = extra + self.learned(columns)
         return rigid + extra.reshape(rigid.shape)

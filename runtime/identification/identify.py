@@ -53,12 +53,13 @@ from runtime.identification.settings import (
 from runtime.identification.several_logs import NamedLog
 from runtime.identification.single_log import FittedSource, identify_recording
 from runtime.library import Array, Library, require_library
-from runtime.recording import Friction, Preparation, Recording, Split, StreamedRecording
+from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.commanded_torque import without_ends
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.row_marks import COUNT, row_marks
+from runtime.recording.streamed import StreamedRecording
 from runtime.recording.unit_conversion import scaled
 
 __all__ = ["identify"]

@@ -38,21 +38,14 @@ from runtime.identification.problem_setup import PARTS, Assembly, FitOfAssembly,
 from runtime.identification.progress import SILENT, Progress
 from runtime.identification.settings import Settings, bare_settings, shares_of, terms_of
 from runtime.library import Array, Library
-from runtime.recording import (
-    Friction,
-    Preparation,
-    Recording,
-    Split,
-    StreamedRecording,
-    check_consistency,
-)
-from runtime.recording.consistency import require_plausible
+from runtime.recording import Friction, Preparation, Recording, Split
+from runtime.recording.consistency import check_consistency, require_plausible
 from runtime.recording.formats.tables import Spool
-from runtime.recording.friction import geared
+from runtime.recording.friction.coupled_motors import geared
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.parts import for_part, span_of_part, validation_start
 from runtime.recording.recording import ARRAYS, FloatArray
-from runtime.recording.streamed import RawRows
+from runtime.recording.streamed import RawRows, StreamedRecording
 
 BLOCK = 65536
 """Rows of a block: a minute at 1 kHz, about ten megabytes."""

@@ -8,14 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "CONSISTENCY_TOLERANCE",
-    "TorqueError",
-    "airm",
-    "frobenius",
-    "torque_error",
-    "torque_error_of",
-]
+__all__ = ["CONSISTENCY_TOLERANCE", "airm", "frobenius", "torque_error"]
 
 Array = NDArray[np.float64]
 
@@ -48,15 +41,9 @@ def torque_error(measured: Array, predicted: Array) -> TorqueError:
 
 
 def torque_error_of(size: Array, scale: Array, count: int) -> TorqueError:
-    """Torque error from norms per joint.
+    """Torque error from norms per joint of `count` residuals and of the measured torque.
 
-    Args:
-        size: norms of the residuals, (n,) [N·m, N].
-        scale: norms of the measured torque, (n,) [N·m, N].
-        count: number of samples.
-
-    Returns:
-        Errors per joint and overall.
+    size (n,), scale (n,) [N·m, N].
     """
     percent = 100 * np.divide(size, scale, out=np.where(size == 0, 0.0, np.inf), where=scale > 0)
     whole = float(np.linalg.norm(scale))

@@ -15,7 +15,7 @@ from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.recording import Recording
 from runtime.recording.commanded_torque import per_joint
-from runtime.recording.friction import COLUMNS
+from runtime.recording.settings import COLUMNS
 from runtime.simulation.commanded_motion import ServoDrive, commanded_motion
 
 FIRST = 5

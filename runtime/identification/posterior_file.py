@@ -45,8 +45,7 @@ from runtime.identification.saved_result import SavedResult
 from runtime.identification.statistics_file import Positive, StoredStatistics
 from runtime.library import Array, Library
 from runtime.recording.formats.npz import open_npz, record_from_arrays
-from runtime.recording.friction import names_where
-from runtime.recording.settings import SPRING
+from runtime.recording.settings import SPRING, names_where
 
 FILE = "posterior.npz"
 

@@ -28,11 +28,14 @@ from runtime.identification.progress import SILENT, Progress
 from runtime.identification.settings import AUTO, CHOSEN, Settings, cutoff_of, friction_of
 from runtime.identification.single_log import without_torque_columns
 from runtime.library import Library
-from runtime.recording import EVERYTHING, Friction, Preparation, Recording, Split, StreamedRecording
+from runtime.recording import EVERYTHING, Friction, Preparation, Recording, Split
 from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.friction import OFFSET, default_terms, has_memory
+from runtime.recording.friction.columns import OFFSET
+from runtime.recording.friction.model import default_terms
 from runtime.recording.preprocessing.parts import before_test
+from runtime.recording.settings import has_memory
 from runtime.recording.static_poses import static_poses
+from runtime.recording.streamed import StreamedRecording
 
 _ANY_HZ = 1.0
 """Placeholder of a cut-off that cross-validation replaces, Hz."""

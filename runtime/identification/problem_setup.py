@@ -25,13 +25,14 @@ from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.consistency import require_plausible
 from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.friction import geared, left_out_note, unresolved, without_columns
+from runtime.recording.friction.coupled_motors import geared
+from runtime.recording.friction.model import left_out_note, unresolved, without_columns
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.parts import prepared_parts, rows_between
 from runtime.recording.preprocessing.pipeline import prepare_power
 from runtime.recording.settings import EVERYTHING
 
-__all__ = ["Assembly", "assemble", "settings_for"]
+__all__ = ["Assembly", "assemble"]
 
 PARTS = ("train", "validation", "test")
 Parts = tuple[Recording, Recording, Recording]
@@ -330,20 +331,10 @@ def known_noise(settings: Settings, regressor: str) -> NoiseFloor | None:
 
 
 def settings_for(lib: Library, settings: Settings) -> Settings:
-    """Settings with a method that the robot allows.
+    """Settings with a method that the robot allows, one without a prior where none was chosen.
 
     The posterior of "map" draws every parameter to π0 of the URDF; placeholders of a URDF without
     <inertial> would pass for knowledge. The other methods only start there.
-
-    Args:
-        lib: library of the robot.
-        settings: settings as they were given.
-
-    Returns:
-        The same settings, or with a method without a prior where none was chosen.
-
-    Raises:
-        IdentificationError: the chosen method needs a prior that the robot lacks.
     """
     if not lib.placeholders or settings.prior is not None:
         return settings

@@ -40,7 +40,8 @@ from runtime.library import Array, Library, require_library
 from runtime.library.parameters import INERTIA
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.consistency import require_plausible
-from runtime.recording.friction import OFFSET, geared, spread
+from runtime.recording.friction.columns import OFFSET
+from runtime.recording.friction.coupled_motors import geared, spread
 from runtime.recording.preprocessing import prepare
 from runtime.recording.recording import require_recording
 

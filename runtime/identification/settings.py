@@ -15,8 +15,9 @@ from runtime.errors import IdentificationError
 from runtime.estimators.descent.adam import Preset
 from runtime.estimators.prior_file import KnownFriction, PriorFile
 from runtime.estimators.problem import FrictionPrior
-from runtime.recording import Friction, Preparation, Recording, Split, StreamedRecording
-from runtime.recording.friction import default_terms
+from runtime.recording import Friction, Preparation, Recording, Split
+from runtime.recording.friction.model import default_terms
+from runtime.recording.streamed import StreamedRecording
 
 AUTO = "auto"
 """Word for a friction model, cut-off, regressor or delay that is chosen from the log."""

@@ -35,8 +35,8 @@ from runtime.library.parameters import N_PARAMETERS, link_columns, links, mass
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.consistency import require_plausible
 from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.friction import OFFSET as OFFSET_COLUMN
-from runtime.recording.friction import geared
+from runtime.recording.friction.columns import OFFSET as OFFSET_COLUMN
+from runtime.recording.friction.coupled_motors import geared
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.parts import prepared_parts
 from runtime.recording.recording import SIGNALS

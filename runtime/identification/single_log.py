@@ -52,9 +52,10 @@ from runtime.identification.progress import Progress, progress_of
 from runtime.identification.settings import Settings, bare_settings
 from runtime.identification.several_logs import NamedLog, assemble_logs
 from runtime.library import Array, Library
-from runtime.recording import Friction, Recording, StreamedRecording
+from runtime.recording import Friction, Recording
 from runtime.recording.preprocessing.filters import filter_inflation
 from runtime.recording.settings import COLUMNS
+from runtime.recording.streamed import StreamedRecording
 
 PASSES = 30
 """Limit of the passes."""

@@ -24,7 +24,7 @@ from runtime.estimators.regression.factor import Statistics
 from runtime.identification.identified import Identification
 from runtime.library import Array, Library
 from runtime.recording.formats.npz import open_npz, record_from_arrays
-from runtime.recording.friction import OFFSET
+from runtime.recording.friction.columns import OFFSET
 from runtime.recording.settings import WIDTHS
 
 FILE = "statistics.npz"

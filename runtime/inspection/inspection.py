@@ -23,13 +23,14 @@ from runtime.inspection.checks.vendor_signals import vendor_torque
 from runtime.inspection.finding import ERROR, INFO, LEVELS, WARNING, Finding
 from runtime.inspection.torque_checks import CheckRun, check_commanded, check_torque, proposed_terms
 from runtime.library import Library, require_library
-from runtime.recording import Friction, Recipe, Recording, load_recipe
+from runtime.recording import Friction, Recipe, Recording
 from runtime.recording.consistency import require_joints
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.joint_names import renamed_joints
 from runtime.recording.notebook import Framed
 from runtime.recording.reader import Raw, locate, read_raw, recording_of
 from runtime.recording.recipes.recipe import COMMANDED
+from runtime.recording.recipes.recipe_file import load_recipe
 from runtime.recording.static_poses import static_poses
 
 _PASSIVE = 1e-9

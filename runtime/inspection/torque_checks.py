@@ -25,10 +25,12 @@ from runtime.inspection.checks.torque_rows import TorqueRows, rough, torque_rows
 from runtime.inspection.finding import INFO, WARNING, Finding, joint_list
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recipe, Recording, Split
-from runtime.recording.friction import DRIVE, ROTOR, names_where
+from runtime.recording.friction.columns import ROTOR
+from runtime.recording.friction.model import DRIVE
 from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.reader import Raw, recording_of
 from runtime.recording.rest_speeds import as_rest_speed
+from runtime.recording.settings import names_where
 
 _LOWERED = 5
 """Largest number of lower cut-offs that are tried."""

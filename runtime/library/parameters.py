@@ -10,26 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from runtime.errors import ShapeError
 
-__all__ = [
-    "FIRST_MOMENT",
-    "INERTIA",
-    "LAM_NAMES",
-    "MASS",
-    "N_PARAMETERS",
-    "PINOCCHIO_NAMES",
-    "PI_NAMES",
-    "centre_of_mass",
-    "first_moment",
-    "inertia",
-    "inertia_entries",
-    "inertia_matrix",
-    "lam_from_parts",
-    "lam_parts",
-    "link_columns",
-    "links",
-    "mass",
-    "pi_from_parts",
-]
+__all__ = ["LAM_NAMES", "MASS", "PI_NAMES", "centre_of_mass", "links", "mass"]
 
 PI_NAMES = ("m", "mX", "mY", "mZ", "XX", "YY", "ZZ", "XY", "XZ", "YZ")
 LAM_NAMES = ("mu", "x", "y", "z", "omega_1", "omega_2", "omega_3", "a", "b", "c")
@@ -90,15 +71,9 @@ def centre_of_mass(pi: Array) -> Array:
 
 
 def pi_from_parts(mass: ArrayLike, first_moment: ArrayLike, inertia: ArrayLike) -> Array:
-    """π of one body from its parts.
+    """π (10,) of one body from m [kg], m·c (3,) [kg·m] and I about the origin of the link [kg·m²].
 
-    Args:
-        mass: m [kg].
-        first_moment: m·c, (3,) [kg·m].
-        inertia: XX, YY, ZZ, XY, XZ, YZ about the origin of the link [kg·m²].
-
-    Returns:
-        π (10,) [kg, kg·m, kg·m²].
+    inertia: XX, YY, ZZ, XY, XZ, YZ.
     """
     pi = np.zeros(N_PARAMETERS)
     pi[MASS], pi[FIRST_MOMENT], pi[INERTIA] = mass, first_moment, inertia
@@ -113,17 +88,7 @@ def lam_parts(lam: Array) -> tuple[Array, Array, Array, Array]:
 def lam_from_parts(
     log_mass: ArrayLike, centre: ArrayLike, rotation: ArrayLike, axes: ArrayLike
 ) -> Array:
-    """λ of one body from its parts.
-
-    Args:
-        log_mass: μ, logarithm of the mass in kg.
-        centre: c, (3,) [m].
-        rotation: ω, (3,) [rad].
-        axes: a, b and c̄, (3,) [kg^½·m].
-
-    Returns:
-        λ (10,).
-    """
+    """λ (10,) of one body from μ, c (3,) [m], ω (3,) [rad] and a, b, c̄ (3,) [kg^½·m]."""
     lam = np.zeros(N_PARAMETERS)
     lam[MASS], lam[_CENTRE], lam[_ROTATION], lam[_AXES] = log_mass, centre, rotation, axes
     return lam

@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from runtime.identification.identified import Identification
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
-from runtime.recording import Friction, Preparation, friction
-from runtime.recording.friction.coupled_motors import Coupling, coupling_of_terms
+from runtime.recording import Friction, Preparation
+from runtime.recording.friction.coupled_motors import Coupling, coupling_of_terms, spread
+from runtime.recording.friction.model import columns as friction_columns
+from runtime.recording.friction.model import torque as friction_torque
 from runtime.recording.settings import COLUMNS, JointMotion
 
 Signals = Mapping[str, Array]
@@ -71,8 +73,8 @@ class MonitoredModel:
             over_p, over_s = lib.momentum_regressor(q[part], dq[part])
             momentum[part], force[part] = over_p @ self.beta, over_s @ self.beta
         rotors, columns = self.columns(lib, q, dq, zeta, signals)
-        momentum += friction.torque(rotors, self.phi, self.coupling)
-        force -= friction.torque(columns, self.phi, self.coupling) + lib.known_torque(q)
+        momentum += friction_torque(rotors, self.phi, self.coupling)
+        force -= friction_torque(columns, self.phi, self.coupling) + lib.known_torque(q)
         return momentum, force
 
     def rows(
@@ -85,8 +87,8 @@ class MonitoredModel:
         over_p, over_s = lib.momentum_regressor(q, dq)
         sign = np.tanh(dq / self.terms.coulomb_speed)
         rotors, columns = self.columns(lib, q, dq, sign, signals)
-        spread_p = friction.spread(rotors, self.coupling)
-        spread_s = friction.spread(columns, self.coupling)
+        spread_p = spread(rotors, self.coupling)
+        spread_s = spread(columns, self.coupling)
         return (
             np.concatenate([over_p, spread_p], axis=2),
             np.concatenate([over_s, -spread_s], axis=2),
@@ -106,10 +108,10 @@ class MonitoredModel:
         """
         inertial = self.inertial
         still = np.zeros_like(dq)
-        plain = friction.columns(JointMotion(dq, q, still, lib, zeta, signals), self.terms)
+        plain = friction_columns(JointMotion(dq, q, still, lib, zeta, signals), self.terms)
         if not inertial.any():
             return np.zeros_like(plain), plain
-        moving = friction.columns(JointMotion(still, q, dq, lib, zeta, signals), self.terms)
+        moving = friction_columns(JointMotion(still, q, dq, lib, zeta, signals), self.terms)
         return np.where(inertial, moving, 0.0), np.where(inertial, 0.0, plain)
 
     def session_features(
@@ -127,7 +129,7 @@ class MonitoredModel:
         # Whatever follows the sign of the speed, or has a memory.
         is_dry = np.array(["coulomb_speed" in each.widths for each in records], dtype=bool)
         parts = [
-            friction.torque(columns, self.phi * kind, self.coupling)
+            friction_torque(columns, self.phi * kind, self.coupling)
             for kind in (is_viscous, is_dry | self.memory)
         ]
         return np.stack([np.ones_like(q), *parts], axis=2)

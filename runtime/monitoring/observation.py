@@ -48,7 +48,7 @@ from runtime.monitoring.observer import (
 )
 from runtime.monitoring.session import usual_torque
 from runtime.recording import Preparation, Recording
-from runtime.recording.friction import motion_of
+from runtime.recording.friction.model import motion_of
 from runtime.recording.preprocessing.pipeline import on_grid
 from runtime.recording.preprocessing.segments import differentiate, segments
 from runtime.recording.rest_speeds import rest_speeds

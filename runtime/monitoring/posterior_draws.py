@@ -33,7 +33,7 @@ from runtime.estimators.convex.newton import convex_problem
 from runtime.identification.posterior_file import SavedPosterior
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
-from runtime.recording.friction import names_where
+from runtime.recording.settings import names_where
 
 TRAJECTORIES = 12
 """Hamiltonian trajectories of each chain."""

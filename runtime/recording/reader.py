@@ -165,19 +165,7 @@ def recording_of(raw: Raw) -> Recording:
 def plan_of(
     path: str | Path, recipe: str | Path | Recipe | None = None, run: str | None = None
 ) -> Recipe:
-    """Recipe by which a log is read, with the default convention written out.
-
-    Args:
-        path: as for `read_recording`.
-        recipe: as for `read_recording`.
-        run: as for `read_recording`.
-
-    Returns:
-        The complete recipe.
-
-    Raises:
-        RecordingError: there is no such log or recipe.
-    """
+    """Complete recipe by which a log is read, with the default convention written out."""
     place, chosen = place_and_recipe(path, recipe, run)
     plan = LogFiles(place, chosen or Recipe()).plan()
     return (chosen or Recipe()).replace(

@@ -56,50 +56,18 @@ class StreamedRecording:
     one_at_a_time: Lock = field(default_factory=Lock)  # held while rows are read
 
     def block(self, start: int, stop: int) -> Recording:
-        """Rows start … stop as a recording; corrupt rows among them are dropped and noted.
-
-        Args:
-            start: first row.
-            stop: one past the last row.
-
-        Returns:
-            The usable rows.
-
-        Raises:
-            RecordingError: they are not a recording.
-        """
+        """Rows start … stop − 1 as a recording; corrupt rows among them are dropped and noted."""
         return self.recording_of(self.numbers(start, stop))
 
     def numbers(self, start: int, stop: int) -> "RawRows":
-        """Rows start … stop as they lie in the files, read by one thread at a time.
-
-        Args:
-            start: first row.
-            stop: one past the last row.
-
-        Returns:
-            Numbers of every kind of signal.
-
-        Raises:
-            RecordingError: a file is damaged or has become shorter.
-        """
+        """Rows start … stop − 1 as they lie in the files, read by one thread at a time."""
         stop = min(stop, self.rows)
         with self.one_at_a_time:  # a file has one place, which another thread would move
             values = {kind: v for rows in self.files for kind, v in rows.read(start, stop).items()}
         return RawRows(start, stop, values)
 
     def recording_of(self, raw: "RawRows") -> Recording:
-        """Usable rows in SI units and on the joint side; any thread may convert its rows.
-
-        Args:
-            raw: from `numbers`.
-
-        Returns:
-            The usable rows.
-
-        Raises:
-            RecordingError: they are not a recording.
-        """
+        """Usable rows in SI units and on the joint side; any thread may convert its rows."""
         lines = np.arange(raw.start, raw.stop, dtype=np.int64)
         tables = {k: LogTable(v, lines) for k, v in sorted(raw.values.items(), key=_time_first)}
         data = converted(self.plan, tables, first_row=raw.start, origin=self.origin)
@@ -120,17 +88,9 @@ class StreamedRecording:
         return recording if self.gains is None else scaled(recording, self.gains)
 
     def instants(self, rows: Sequence[int], reach: int) -> NDArray[np.float64]:
-        """Times of some rows; for a corrupt row, that of the next usable one within `reach`.
+        """Times [s] of rows in ascending order; for a corrupt row, that of the next usable one.
 
-        Args:
-            rows: indices in ascending order.
-            reach: number of rows that are searched.
-
-        Returns:
-            (len(rows),) [s].
-
-        Raises:
-            RecordingError: no usable time is within reach.
+        reach: number of rows that are searched.
         """
         time = self.plan.time
         if time is None or self.clock is None:
@@ -168,17 +128,7 @@ def open_streamed(
 ) -> StreamedRecording:
     """Open a log that stays in its file: uncompressed NPZ, Parquet, CSV, or a bag.
 
-    Args:
-        path: as for `read_recording`.
-        recipe: as for `read_recording`.
-        run: as for `read_recording`.
-        joints: as for `read_recording`.
-
-    Returns:
-        Rows of the log that become recordings block by block.
-
-    Raises:
-        RecordingError: the file has another format, or is not a log.
+    The arguments are those of `read_recording`.
     """
     place, chosen = place_and_recipe(path, recipe, run)
     files = LogFiles(place, chosen or Recipe(), tuple(joints), in_place=True)
@@ -229,20 +179,9 @@ def open_log(
     joints: Sequence[str] = (),
     stream: bool | None = None,
 ) -> Recording | StreamedRecording:
-    """Read a log, or open it where it stays in its file.
+    """Read a log, or open it where it stays in its file; arguments are those of `read_recording`.
 
-    Args:
-        path: as for `read_recording`.
-        recipe: as for `read_recording`.
-        run: as for `read_recording`.
-        joints: as for `read_recording`.
-        stream: True leaves it in its file, False reads it as a whole, None decides by its size.
-
-    Returns:
-        The log in memory, or in its file.
-
-    Raises:
-        RecordingError: the file is not a log, or has to be read as a whole where `stream` is True.
+    stream: True leaves it in its file, False reads it as a whole, None decides by its size.
     """
     if stream:
         return open_streamed(path, recipe, run, joints)

@@ -7,7 +7,7 @@ drive with the faults of real ones.
 
 from runtime.excitation.motion.trajectory import sample_times
 from runtime.simulation.box_payload import Box, read_payload
-from runtime.simulation.closed_loop import closed_loop, ideal, perturbed_lam, write_controller
+from runtime.simulation.closed_loop import closed_loop, ideal
 from runtime.simulation.plant import Controller, Plant
 from runtime.simulation.settings import settings_of
 from runtime.simulation.virtual_robot import record
@@ -18,10 +18,8 @@ __all__ = [
     "Plant",
     "closed_loop",
     "ideal",
-    "perturbed_lam",
     "read_payload",
     "record",
     "sample_times",
     "settings_of",
-    "write_controller",
 ]

@@ -24,7 +24,10 @@ from runtime.library.compiled_programs import (
     ClosedLoopPlant,
     CompiledClosedLoop,
 )
-from runtime.recording import Friction, Recording, friction
+from runtime.recording import Friction, Recording
+from runtime.recording.friction.model import columns as friction_columns
+from runtime.recording.friction.model import torque as friction_torque
+from runtime.recording.settings import JointMotion, names_where
 from runtime.simulation.plant import (
     Controller,
     Plant,
@@ -41,16 +44,7 @@ _CHUNK = 500
 
 
 def perturbed_lam(lib: Library, p: float, rng: np.random.Generator) -> Array:
-    """Perturbed parameters λ_true + p λ_true ⊙ ε with ε ~ N(0, 1) per entry (Eq. 5.2, errata).
-
-    Args:
-        lib: the robot, whose λ is the true one.
-        p: relative standard deviation.
-        rng: source of ε.
-
-    Returns:
-        λ, (10 n,).
-    """
+    """Perturbed parameters λ_true + p λ_true ⊙ ε with ε ~ N(0, 1) per entry (Eq. 5.2, errata)."""
     return lib.lam0 * (1 + p * rng.normal(size=lib.lam0.size))
 
 
@@ -182,13 +176,7 @@ def write_controller(
 ) -> None:
     """Write the closed loop of a log as a controller file, atomically; the method iv reads it.
 
-    Args:
-        path: of the TOML file.
-        reference: name of the trajectory file beside it.
-        controller: gains.
-        rotor: inertia of the motors, (n,) or one number, kg·m².
-        rate_hz: rate of the controller, Hz.
-        start: beginning of the reference, s of the log's clock.
+    reference: file of the trajectory beside it; rotor (n,) or one number [kg·m²]; start [s].
     """
     lines = ["[controller]"]
     values = {
@@ -204,10 +192,10 @@ def write_controller(
 
 
 def _friction(plant: Plant, dq: Array) -> Array:
-    names = friction.names_where(lambda column: column.in_closed_loop)
+    names = names_where(lambda column: column.in_closed_loop)
     phi = np.stack([per_joint(dq.shape[-1], getattr(plant, name), name) for name in names], axis=1)
-    rows = friction.columns(friction.JointMotion(dq), Friction(names, plant.coulomb_speed))
-    return friction.torque(rows, phi)
+    rows = friction_columns(JointMotion(dq), Friction(names, plant.coulomb_speed))
+    return friction_torque(rows, phi)
 
 
 def _body(lib: Library, plant: Plant) -> ClosedLoopPlant:
@@ -218,7 +206,7 @@ def _body(lib: Library, plant: Plant) -> ClosedLoopPlant:
         )
     if not plant.coulomb_speed > 0:
         raise IdentificationError("the simulated robot's coulomb speed must be above 0 rad/s")
-    parts = ("rotor", *friction.names_where(lambda column: column.in_closed_loop))
+    parts = ("rotor", *names_where(lambda column: column.in_closed_loop))
     values = {name: per_joint(n, getattr(plant, name), name) for name in parts}
     return ClosedLoopPlant(pi=plant.pi, coulomb_speed=plant.coulomb_speed, **values)
 

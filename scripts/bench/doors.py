@@ -33,7 +33,8 @@ from runtime.library import Array, Library
 from runtime.library.compiled_descent import CompiledLevenberg
 from runtime.library.compiled_programs import CompiledExcitation
 from runtime.recording import Preparation, Recording
-from runtime.simulation import Plant, ideal, perturbed_lam
+from runtime.simulation import Plant, ideal
+from runtime.simulation.closed_loop import perturbed_lam
 
 TRIALS, PERTURBATION = 150, 0.15  # settings of the document's ideal case (Table 5.2)
 BATCH = 64

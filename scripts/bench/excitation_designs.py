@@ -34,8 +34,10 @@ from runtime.identification.expected_accuracy.planned_samples import (
 from runtime.identification.single_log import identify_recording as fit
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
-from runtime.recording.friction import JointMotion, columns
-from runtime.simulation import Plant, ideal, perturbed_lam, record, sample_times
+from runtime.recording.friction.model import columns
+from runtime.recording.settings import JointMotion
+from runtime.simulation import Plant, ideal, record, sample_times
+from runtime.simulation.closed_loop import perturbed_lam
 
 NOISE, RATE, SPREAD = 0.05, 100.0, 0.05
 """Torque noise, N·m, rate, Hz, and relative error of the URDF's λ on ideal arms."""

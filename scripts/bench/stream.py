@@ -21,7 +21,8 @@ from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification.long_logs import blocks_of
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library, load
-from runtime.recording import Friction, Preparation, open_streamed
+from runtime.recording import Friction, Preparation
+from runtime.recording.streamed import open_streamed
 
 RATE, NOISE = 1000.0, 0.05
 BLOCK = 65536

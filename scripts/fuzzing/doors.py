@@ -33,7 +33,9 @@ from runtime.library.manifest import read_manifest
 from runtime.outputs.report.report import write_report
 from runtime.outputs.viewer.player import read_motion
 from runtime.outputs.viewer.shapes import look_of
-from runtime.recording import load_recipe, open_streamed, read_recording
+from runtime.recording import read_recording
+from runtime.recording.recipes.recipe_file import load_recipe
+from runtime.recording.streamed import open_streamed
 from runtime.simulation import read_payload
 from runtime.simulation.settings import settings_of
 from scripts.fuzzing import goods

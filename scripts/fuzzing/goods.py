@@ -22,7 +22,8 @@ from runtime.monitoring.fleet.fleet_prior import fit_friction, prior_text
 from runtime.monitoring.fleet.gather import gather
 from runtime.monitoring.fleet.hierarchy import fit_fleet
 from runtime.recording import Friction, Preparation, Recording, write_recording
-from runtime.simulation import Controller, settings_of, write_controller
+from runtime.simulation import Controller, settings_of
+from runtime.simulation.closed_loop import write_controller
 from scripts.fuzzing import bags
 from scripts.fuzzing.texts import BOX, MECHANISM, MJCF, PRIOR, RECIPE, XACRO
 from tests.symgen.sources.test_sdf import LOOP

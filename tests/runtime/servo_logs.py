@@ -14,7 +14,8 @@ import numpy as np
 
 from runtime.library import Array, Library
 from runtime.recording import Friction, Recording, read_recording
-from runtime.recording.friction import DRIVE, JointMotion, columns, torque
+from runtime.recording.friction.model import DRIVE, columns, torque
+from runtime.recording.settings import JointMotion
 
 KP, KD, RATE = 80.0, 2.5, 200.0
 STROKE = 2e-3

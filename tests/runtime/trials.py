@@ -7,7 +7,9 @@ from scipy.stats import chi2
 from runtime import to_pinocchio_order
 from runtime.excitation import Trajectory
 from runtime.library import Library
-from runtime.recording import Friction, friction
+from runtime.recording import Friction
+from runtime.recording.friction.model import columns as friction_columns
+from runtime.recording.settings import JointMotion
 from tests.oracle import pinocchio_model
 
 TRIALS = 200
@@ -30,7 +32,7 @@ def pinocchio_rows(lib: Library, trajectory: Trajectory, t: np.ndarray) -> np.nd
 
 def with_friction(rows: np.ndarray, dq: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
     """[Y F] with every joint's friction columns on its rows only, (N n, k)."""
-    columns = friction.columns(friction.JointMotion(dq), Friction(names))
+    columns = friction_columns(JointMotion(dq), Friction(names))
     count, n, k = columns.shape
     blocks = np.zeros((count, n, n, k))
     for j in range(n):

@@ -44,8 +44,16 @@ from runtime.estimators.robust import explicit, weights_of_rows
 from runtime.library import Array, Library, require_library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction, Preparation, Recording, Split
-from runtime.recording.friction import spring_names, unresolved, without_columns
-from runtime.recording.friction.columns import COULOMB, DAHL, LOAD, OFFSET, ROTOR, VISCOUS
+from runtime.recording.friction.columns import (
+    COULOMB,
+    DAHL,
+    LOAD,
+    OFFSET,
+    ROTOR,
+    VISCOUS,
+    spring_names,
+)
+from runtime.recording.friction.model import unresolved, without_columns
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.recording import require_recording

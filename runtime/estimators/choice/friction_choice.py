@@ -28,7 +28,7 @@ from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.library import Array, Library, require_library
 from runtime.recording import Friction, Preparation, Recording, Split
-from runtime.recording.friction import unresolved, without_columns
+from runtime.recording.friction.model import unresolved, without_columns
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.recording import require_recording

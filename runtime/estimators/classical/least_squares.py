@@ -24,7 +24,7 @@ from runtime.estimators.regression.posterior import posterior_of
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 from runtime.library.parameters import links, mass
-from runtime.recording.friction import COLUMNS, FrictionColumn
+from runtime.recording.settings import COLUMNS, FrictionColumn
 
 PASSES = 4
 """Passes of reweighting, the first with equal weights."""

@@ -48,8 +48,9 @@ from runtime.excitation import Trajectory
 from runtime.excitation.trajectory_file import read_trajectory
 from runtime.library import Array, Library
 from runtime.recording import Recording
-from runtime.recording.friction import COLUMNS, names_where, spread
 from runtime.recording.friction.columns import COULOMB
+from runtime.recording.friction.coupled_motors import spread
+from runtime.recording.settings import COLUMNS, names_where
 from runtime.simulation import Controller, Plant, sample_times
 from runtime.simulation.closed_loop import follow
 from runtime.simulation.plant import per_joint

@@ -44,10 +44,10 @@ from runtime.estimators.problem import Fit, Origin, Problem
 from runtime.library import Array, Library
 from runtime.library.parameters import lam_from_parts, link_columns, links
 from runtime.recording import Friction, Recording
-from runtime.recording.friction import COLUMNS, names_where
 from runtime.recording.prepared import DifferentiatedRecording
 from runtime.recording.preprocessing.filters import low_pass
 from runtime.recording.preprocessing.segments import differentiate, segments, uniform_step
+from runtime.recording.settings import COLUMNS, names_where
 
 STATE_COLUMNS = names_where(lambda column: column.secant is not None)
 """Friction columns that the state of a filter can hold."""

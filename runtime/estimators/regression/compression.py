@@ -20,7 +20,8 @@ from runtime.errors import IdentificationError
 from runtime.estimators.regression.factor import Statistics, from_triangle, joined
 from runtime.estimators.regression.samples import THESIS_SIGMA, Samples
 from runtime.library import Array, Library
-from runtime.recording import friction
+from runtime.recording.friction.coupled_motors import Coupling
+from runtime.recording.friction.model import torque as friction_torque
 
 __all__ = ["TorqueObjective"]
 
@@ -78,7 +79,7 @@ class TorqueObjective:
         s, lib = self.samples, self.lib
         take = slice(None) if rows is None else rows
         q, dq, ddq, tau, columns = (a[take] for a in (s.q, s.dq, s.ddq, s.tau, s.columns))
-        free = tau - friction.torque(columns, phi, s.coupling) if phi.size else tau
+        free = tau - friction_torque(columns, phi, s.coupling) if phi.size else tau
         pi = lib.pi_from_lam(lam)
         loss, slope, residual = lib.loss_gradient(q, dq, ddq, free, self.weights, pi)
         n_lam = lib.pi_adjoint(lam, slope)
@@ -95,7 +96,7 @@ class TorqueObjective:
         return float(np.mean((residual**2) @ self.weights) / 2)
 
 
-def _slope(columns: Array, weighted: Array, coupling: friction.Coupling | None) -> Array:
+def _slope(columns: Array, weighted: Array, coupling: Coupling | None) -> Array:
     """Σ_i Cᵀ W r of every coefficient, (n, k)."""
     if coupling is None:
         return np.asarray(np.einsum("ijk,ij->jk", columns, weighted))

@@ -18,7 +18,7 @@ from runtime.estimators.regression.omitted_columns import FreeFit
 from runtime.estimators.regression.posterior import ROUNDING, least_squares
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
-from runtime.recording.friction import dahl_state
+from runtime.recording.friction.columns import dahl_state
 from runtime.recording.settings import DAHL_STROKE, STRIBECK_SPEED
 
 SLOW = 0.06

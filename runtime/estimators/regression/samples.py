@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError, NeedsError
 from runtime.library import Array, Library
-from runtime.recording import Recording, friction
+from runtime.recording import Recording
+from runtime.recording.friction.coupled_motors import Coupling, coupling_of, shape_of, spread
+from runtime.recording.friction.model import torque as friction_torque
 from runtime.recording.prepared import DifferentiatedRecording, prepared_of
 
 __all__ = ["Samples", "samples_of", "thesis_weights"]
@@ -55,7 +57,7 @@ class Samples:
     tau: Array  # torque (N, n) [N·m, N], or the power (N, 1) [W] where `base` is that of energy
     columns: Array  # friction columns, (N, n, k)
     # motors that drive several joints, where columns belong to such
-    coupling: friction.Coupling | None = field(default=None, kw_only=True)
+    coupling: Coupling | None = field(default=None, kw_only=True)
     # Y_b of every sample, (N, m, n_b), where it is not a function of q, dq and ddq
     base: Array | None = field(default=None, kw_only=True)
 
@@ -65,7 +67,7 @@ class Samples:
     @property
     def shape(self) -> tuple[int, int]:
         """Shape of φ: (n, k), or (1, k) where rows mix joints."""
-        return friction.shape_of(self.columns, self.coupling)
+        return shape_of(self.columns, self.coupling)
 
     @property
     def ddq(self) -> Array:
@@ -141,12 +143,12 @@ class Samples:
 
     def friction(self, phi: Array) -> Array:
         """Friction torque F φ, (N, m), from φ (n, k)."""
-        torque = friction.torque(self.columns, phi, self.coupling)
+        torque = friction_torque(self.columns, phi, self.coupling)
         return torque.sum(axis=1, keepdims=True) if self._is_power else torque
 
     def friction_rows(self) -> Array:
         """Friction columns as rows F over [φ], (N, m, n k)."""
-        rows = friction.spread(self.columns, self.coupling)
+        rows = spread(self.columns, self.coupling)
         return rows.sum(axis=1, keepdims=True) if self._is_power else rows
 
     @property
@@ -180,7 +182,7 @@ def samples_of(recording: Recording, lib: Library) -> Samples:
             f"the recording '{recording.name}' has {recording.q.shape[1]} joints, the robot "
             f"'{lib.name}' has {n}: {', '.join(lib.joint_names)}"
         )
-    coupling = friction.coupling_of(recording)
+    coupling = coupling_of(recording)
     known = lib.known_torque(data.q)
     if isinstance(data, DifferentiatedRecording):
         tau = data.tau - known

@@ -38,7 +38,8 @@ from scipy.fft import dct
 from runtime.errors import IdentificationError, RecordingError
 from runtime.library import Array, Library
 from runtime.recording import Friction
-from runtime.recording.friction import OFFSET, columns
+from runtime.recording.friction.columns import OFFSET
+from runtime.recording.friction.model import columns
 from runtime.recording.settings import COLUMNS, JointMotion
 
 _DIFFERENCE = 1e-6

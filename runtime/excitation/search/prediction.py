@@ -20,14 +20,17 @@ from runtime.excitation.search.measures import covariance, mean_gram, rank, too_
 from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.library import Array, Library
 from runtime.library.parameters import FIRST_MOMENT, MASS, mass
-from runtime.recording import Friction, friction
+from runtime.recording import Friction
+from runtime.recording.friction.columns import OFFSET
+from runtime.recording.friction.model import columns as friction_columns
+from runtime.recording.settings import JointMotion
 
 SAMPLES = (COST_SAMPLES, 1000)
 """Samples of the motion: 80 as in the cost, which is optimistic by some percent, and nearly all."""
 MOST_SAMPLES = 2**14
 """Largest number of samples of the motion that stand for a log, which may have millions; the mean
 of the rows of a smooth motion hardly depends on their number."""
-_OFFSET = (friction.OFFSET.name,)
+_OFFSET = (OFFSET.name,)
 """Column that is fitted beside a payload: sensors drift."""
 _COM = np.array([0.0, 0.0, 0.1])
 """Centre of mass of the payload in the last link's frame, m."""
@@ -160,7 +163,7 @@ def _gram(
     if known.columns is not None:
         rows = rows @ known.columns
     k, n = rows.shape[2], lib.n_joints
-    of_joint = friction.columns(friction.JointMotion(dq), Friction(names))
+    of_joint = friction_columns(JointMotion(dq), Friction(names))
     spread = np.zeros((samples, n, n, of_joint.shape[2]))
     for j in range(n):
         spread[:, j, j] = of_joint[:, j]

@@ -20,7 +20,9 @@ from runtime.excitation.search.measures import rank
 from runtime.excitation.search.single_start import Search
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, PI_NAMES
-from runtime.recording import Friction, friction
+from runtime.recording import Friction
+from runtime.recording.friction.model import columns as friction_columns
+from runtime.recording.settings import JointMotion
 
 SHOWN = 1e-5
 """Least part of a column of unit length that no other column produces. The search works on Gram
@@ -66,7 +68,7 @@ def unseen(
     """Base parameters whose columns are combinations of others, to `SHOWN`."""
     q, dq, ddq = (np.concatenate(each) for each in zip(*motions, strict=True))
     rows = lib.base_regressor(q, dq, ddq)
-    columns = friction.columns(friction.JointMotion(dq), Friction(names))
+    columns = friction_columns(JointMotion(dq), Friction(names))
     lengths = np.linalg.norm(rows.reshape(-1, rows.shape[2]), axis=0)
     rows = rows / np.where(lengths > 0, lengths, 1.0)
     for j in range(lib.n_joints):  # friction of a joint acts on its own torque alone

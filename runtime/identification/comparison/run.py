@@ -30,16 +30,7 @@ from runtime.identification.single_log import identify_assembled
 from runtime.library import Array, Library
 from runtime.recording.notebook import Shown
 
-__all__ = [
-    "HEAD",
-    "Comparison",
-    "Figures",
-    "TrueParameters",
-    "beside",
-    "cells",
-    "compare",
-    "read_truth",
-]
+__all__ = ["Figures", "TrueParameters", "compare"]
 
 RAN, NOT_RUN, FAILED = "ran", "not run", "failed"
 HEAD = ("method", "error %", "worst RMS", "base %", "s", "steps", "λ_min/tr", "gap %", "status")
@@ -156,18 +147,7 @@ def beside(log: str) -> Path | None:
 
 
 def read_truth(path: Path, lib: Library) -> TrueParameters:
-    """Read the parameters that `simulate` has written.
-
-    Args:
-        path: JSON with `pi`.
-        lib: library of the robot.
-
-    Returns:
-        Base parameters β, name and digest of the file.
-
-    Raises:
-        RecordingError: the file is missing, or is not of this robot.
-    """
+    """Read the parameters π that `simulate` has written as JSON."""
     try:
         data = bytes_of(path)
         facts = json_of(data)

@@ -33,7 +33,7 @@ from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.commanded_torque import without_ends
 from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.friction import geared
+from runtime.recording.friction.coupled_motors import geared
 from runtime.recording.preprocessing.parts import before_test
 
 PASSES = 6

@@ -48,9 +48,10 @@ from runtime.identification.drive.result import BIAS_PRIOR, DriveRequest
 from runtime.identification.identified import Identification
 from runtime.library import Array, Library
 from runtime.recording import Friction
-from runtime.recording.friction import COLUMNS, JointMotion, columns, has_memory, signals_for
+from runtime.recording.friction.model import columns
 from runtime.recording.preprocessing.segments import rate_of, segments
 from runtime.recording.recipes.recipe import ControlLaw
+from runtime.recording.settings import COLUMNS, JointMotion, has_memory, signals_for
 
 ROUGH_ROWS = 600
 """Rows of the passes before the last: rows of a low-passed log are nearly redundant."""

@@ -41,7 +41,7 @@ from runtime.excitation.search.prediction import payload_sigma
 from runtime.identification.expected_accuracy.planned_samples import MotionSamples
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, PI_NAMES, inertia, links, mass
-from runtime.recording.friction import OFFSET
+from runtime.recording.friction.columns import OFFSET
 
 PAYLOAD_MASS = "payload mass"
 """Name that is listed first where it gains."""

@@ -24,7 +24,10 @@ from runtime.identification.expected_accuracy.expected import Knowledge, with_ea
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction
-from runtime.recording.friction import OFFSET, JointMotion, columns, spread
+from runtime.recording.friction.columns import OFFSET
+from runtime.recording.friction.coupled_motors import spread
+from runtime.recording.friction.model import columns
+from runtime.recording.settings import JointMotion
 
 MOST_ROWS = 1500
 """Largest number of instants that stand for a session."""

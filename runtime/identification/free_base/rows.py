@@ -44,7 +44,7 @@ from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 from runtime.library.free_base import FREEDOM
 from runtime.recording.free_base import Contacts, FreeBaseRecording
-from runtime.recording.friction import Coupling, spread
+from runtime.recording.friction.coupled_motors import Coupling, spread
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion, places_of
 from runtime.recording.settings import Friction
 

@@ -17,9 +17,11 @@ from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.inspection.finding import INFO, WARNING, Finding
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recipe, Recording
-from runtime.recording.friction import COLUMNS, DRIVE, ROTOR
+from runtime.recording.friction.columns import ROTOR
+from runtime.recording.friction.model import DRIVE
 from runtime.recording.preprocessing import prepare
 from runtime.recording.recipes.recipe import Gain
+from runtime.recording.settings import COLUMNS
 
 DOMINANT = 0.5
 """Share of the torque that the links leave unexplained from which on the drives dominate."""

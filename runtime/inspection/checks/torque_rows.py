@@ -12,8 +12,9 @@ from runtime.errors import IdentificationError
 from runtime.estimators.regression.posterior import least_squares
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.library import Array, Library
-from runtime.recording import Friction, Preparation, Recording, friction
-from runtime.recording.friction import ROTOR
+from runtime.recording import Friction, Preparation, Recording
+from runtime.recording.friction.columns import ROTOR
+from runtime.recording.friction.coupled_motors import spread
 from runtime.recording.preprocessing import prepare
 from runtime.recording.rest_speeds import rest_speeds
 
@@ -50,7 +51,7 @@ class TorqueRows:
     def friction_rows(self) -> Array:
         """Friction part of the equations over φ, (N n, n k), one block of columns per joint."""
         s = self.samples
-        return friction.spread(s.columns, s.coupling).reshape(len(s) * self.lib.n_joints, -1)
+        return spread(s.columns, s.coupling).reshape(len(s) * self.lib.n_joints, -1)
 
 
 def torque_rows_of(

@@ -11,8 +11,8 @@ import numpy as np
 from runtime.errors import ExportError
 from runtime.library import Array, Library
 from runtime.recording import Friction
-from runtime.recording.friction import COLUMNS
 from runtime.recording.friction.columns import DAHL
+from runtime.recording.settings import COLUMNS
 
 Values = tuple[float | None, ...]
 """One per joint; None where it is unknown, or negative and would drive the joint."""

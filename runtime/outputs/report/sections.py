@@ -19,8 +19,8 @@ from runtime.outputs.report.figures import convergence, mass_change, torques
 from runtime.outputs.report.page import Section, Tile
 from runtime.outputs.report.result import Result
 from runtime.outputs.report.several_logs import several_logs_sections
-from runtime.recording.friction import COLUMNS
 from runtime.recording.friction.columns import DAHL
+from runtime.recording.settings import COLUMNS
 
 GLOSSARY = (
     ("torque error", "100 ‖measured − predicted‖ / ‖measured‖ over the test split, per joint"),

@@ -43,12 +43,7 @@ _BLOCK = 64
 def dahl_state(q: FloatArray, stroke: ArrayLike) -> FloatArray:
     """ζ after each step: exact for steps of one direction, ζ ← s + (ζ − s) exp(−|Δq| / z_c).
 
-    Args:
-        q: (N, n) joint positions of one path, N ≥ 1 [rad, m].
-        stroke: z_c within which the contact yields, one number or (n,) [rad, m].
-
-    Returns:
-        (N, n), 0 at the first sample.
+    q (N, n) of one path, stroke z_c one number or (n,) [rad, m] → (N, n), 0 at the first sample.
     """
     step = np.diff(q, axis=0)
     count, n = step.shape
@@ -96,15 +91,7 @@ def _load(motion: JointMotion, terms: Friction) -> FloatArray:
 
 
 def gravity_load(lib: Library, q: FloatArray) -> FloatArray:
-    """Size of the gravity torque |τ_g(q)| by the URDF.
-
-    Args:
-        lib: library of the robot.
-        q: (N, n) joint positions [rad, m].
-
-    Returns:
-        (N, n) [N·m, N].
-    """
+    """Size of the gravity torque |τ_g(q)| by the URDF, (N, n) [N·m, N]."""
     still = np.zeros_like(q)
     return np.abs(lib.inverse_dynamics(q, still, still, lib.pi0))
 

@@ -45,13 +45,7 @@ class Coupling:
     def torque(self, values: FloatArray, phi: FloatArray, column: int) -> FloatArray:
         """Torques of one column on the joints: R̂ᵀ c φ of motors, c φ_1 of a spring, else c φ.
 
-        Args:
-            values: (…, n) c.
-            phi: (n,) coefficients.
-            column: its index.
-
-        Returns:
-            (…, n) [N·m, N].
+        values (…, n) c, phi (n,) → (…, n) [N·m, N].
         """
         if self.shared[column]:
             return np.asarray(values * phi[0])
@@ -69,15 +63,7 @@ class Coupling:
         return sizes
 
     def slope(self, columns: FloatArray, weighted: FloatArray) -> FloatArray:
-        """Adjoint of `torque`: Σ_N ∂(τ · weighted)/∂φ.
-
-        Args:
-            columns: (N, n, k).
-            weighted: (N, n) on the joints.
-
-        Returns:
-            (n, k).
-        """
+        """Adjoint of `torque`: Σ_N ∂(τ · weighted)/∂φ, (n, k), of columns (N, n, k)."""
         motors = weighted @ self.directions.T
         slope = np.zeros(shape_of(columns, self))
         for c, of_motor in enumerate(self.of_motors):
@@ -90,25 +76,13 @@ class Coupling:
 
 
 def shape_of(columns: FloatArray, coupling: Coupling | None) -> tuple[int, int]:
-    """Shape of φ: (n, k), or (1, k) where rows mix joints.
-
-    Args:
-        columns: (…, n, k).
-        coupling: of motors and joints; None without columns of motors.
-
-    Returns:
-        Two numbers.
-    """
+    """Shape of φ for columns (…, n, k): (n, k), or (1, k) where rows mix joints."""
     one = coupling is not None and coupling.has_one_row
     return 1 if one else columns.shape[-2], columns.shape[-1]
 
 
 def coupling_of(recording: Recording) -> Coupling | None:
-    """Coupling of the columns of a recording by their names and R̂; None without motor columns.
-
-    Raises:
-        RecordingError: there are motor columns but no directions of motors.
-    """
+    """Coupling of the columns of a recording by their names and R̂; None without motor columns."""
     names = recording.column_names
     if recording.columns is None or not (has_motors(names) or any(_shared(names))):
         return None
@@ -147,17 +121,6 @@ def geared(terms: Friction, recording: Recording, lib: Library | None = None) ->
     """The terms with R̂ of the recipe's gear and of the robot's couplings, for columns of motors.
 
     The rows of coupled coordinates take the places of motors that drive one joint.
-
-    Args:
-        terms: names and widths.
-        recording: the data.
-        lib: library of the robot, for the coordinates of its mechanism.
-
-    Returns:
-        The terms with R̂ of the recording, or unchanged.
-
-    Raises:
-        RecordingError: they have columns of motors, and no motor of the recording is coupled.
     """
     if terms.gear or not has_motors(terms.columns):
         return terms
@@ -182,12 +145,7 @@ def geared(terms: Friction, recording: Recording, lib: Library | None = None) ->
 def spread(columns: FloatArray, coupling: Coupling | None) -> FloatArray:
     """Matrix F with F φ = τ_f: the columns for φ joint by joint, or motor by motor.
 
-    Args:
-        columns: (N, n, k).
-        coupling: of motors and joints; None without columns of motors.
-
-    Returns:
-        (N, n, n k); (N, n, k) where φ has one row.
+    columns (N, n, k) → (N, n, n k); (N, n, k) where φ has one row.
     """
     if coupling is not None and coupling.has_one_row:
         return columns

@@ -32,13 +32,9 @@ DRIVE = ("viscous", "coulomb", "offset", "rotor")
 
 
 def default_terms(recording: Recording) -> Friction | None:
-    """Friction terms of a log for which no command names any.
+    """Friction terms of a log for which no command names any; None for none.
 
-    Args:
-        recording: with its recipe and the source of its torque.
-
-    Returns:
-        Those of its recipe; the columns of a drive where the torque is commanded; None for none.
+    Those of its recipe, else the columns of a drive where the torque is commanded.
     """
     terms = recording.recipe.friction if recording.recipe else None
     if terms is None and recording.torque_source == COMMANDED and recording.columns is None:
@@ -47,19 +43,7 @@ def default_terms(recording: Recording) -> Friction | None:
 
 
 def columns(motion: JointMotion, *terms: Friction) -> FloatArray:
-    """Friction columns of a motion, those of several terms side by side.
-
-    Args:
-        motion: (N, n) velocities, and what else the columns need.
-        terms: names and widths.
-
-    Returns:
-        C (N, n, k), one column per name.
-
-    Raises:
-        RecordingError: an unknown name, one that is repeated, or a motion that lacks what a column
-            needs.
-    """
+    """Friction columns C of a motion, those of several terms side by side, (N, n, k)."""
     _require_known(terms)
     _require_signals(motion, terms)
     parts = [COLUMNS[name].function(motion, each) for each in terms for name in each.columns]
@@ -97,16 +81,7 @@ def _require_signals(motion: JointMotion, terms: tuple[Friction, ...]) -> None:
 def motion_of(recording: Recording, names: Iterable[str], lib: Library | None) -> JointMotion:
     """Motion of a recording with the further signals that some columns need, where it has them.
 
-    Args:
-        recording: with dq.
-        names: of friction columns.
-        lib: library of the robot, for the columns that need it.
-
-    Returns:
-        The motion; `columns` refuses a signal that is missing.
-
-    Raises:
-        RecordingError: the recording has no dq.
+    `columns` refuses a signal that is missing.
     """
     signals = {each: recording.signal(each) for each in signals_for(names)}
     present = {each: values for each, values in signals.items() if values is not None}
@@ -115,20 +90,11 @@ def motion_of(recording: Recording, names: Iterable[str], lib: Library | None) -
 
 
 def torque(columns: FloatArray, phi: FloatArray, coupling: Coupling | None = None) -> FloatArray:
-    """Friction torque τ_f = Σ_k C[:, :, k] φ[:, k].
+    """Friction torque τ_f = Σ_k C[:, :, k] φ[:, k], (N, n) [N·m, N].
 
     With a coupling, row m of a motor's column acts on all the joints of motor m: R̂ᵀ C φ.
 
-    Args:
-        columns: C (N, n, k).
-        phi: (n, k), see `shape_of` [N·m per unit of the column].
-        coupling: of motors and joints; None without columns of motors.
-
-    Returns:
-        (N, n) [N·m, N].
-
-    Raises:
-        RecordingError: φ does not have one row per joint and one entry per column.
+    columns C (N, n, k), phi (n, k) or as `shape_of` [N·m per unit of the column].
     """
     columns, phi = np.asarray(columns), np.asarray(phi)
     shape = shape_of(columns, coupling)
@@ -148,19 +114,9 @@ def torque(columns: FloatArray, phi: FloatArray, coupling: Coupling | None = Non
 def add_columns(
     recording: Recording, *terms: Friction, lib: Library | None = None, linear_later: bool = False
 ) -> Recording:
-    """The recording with the friction columns of its motion.
+    """The recording with the friction columns of its motion, (N, n, k).
 
-    Args:
-        recording: with dq.
-        terms: names and widths.
-        lib: library of the robot, for the columns that need it.
-        linear_later: leave out the linear columns, which `completed` adds.
-
-    Returns:
-        The recording with columns (N, n, k) and their names.
-
-    Raises:
-        RecordingError: the recording has no dq, or it lacks what a column needs.
+    linear_later: leave out the linear columns, which `completed` adds.
     """
     if recording.dq is None:
         raise RecordingError("friction columns expect dq, but there is none; differentiate first")
@@ -189,15 +145,7 @@ def add_columns(
 
 
 def completed(recording: Recording, *terms: Friction) -> Recording:
-    """The recording with the linear columns that `add_columns` left out, of its present motion.
-
-    Args:
-        recording: with dq and the columns that are not linear.
-        terms: those of `add_columns`.
-
-    Returns:
-        The recording with all columns (N, n, k) of the terms.
-    """
+    """The recording with the linear columns that `add_columns` left out, of its present motion."""
     names = tuple(name for each in terms for name in each.columns)
     motion = motion_of(recording, names, None)
     terms = tuple(geared(each, recording) for each in terms)
@@ -240,14 +188,9 @@ even for a coefficient of ten."""
 
 
 def unresolved(columns: FloatArray, tau: FloatArray) -> NDArray[np.bool_]:
-    """Columns whose values are rounding.
+    """Flags (n, k) of columns (N, n, k) whose values are rounding; False for a column of zeros.
 
-    Args:
-        columns: friction columns C, (N, n, k).
-        tau: torque, (N, n) [N·m, N], or power, (N, 1) [W].
-
-    Returns:
-        A flag per joint and column, (n, k); False for a column of zeros.
+    tau: torque, (N, n) [N·m, N], or power, (N, 1) [W].
     """
     if not columns.size:
         return np.zeros(columns.shape[1:], dtype=bool)
@@ -260,15 +203,7 @@ def unresolved(columns: FloatArray, tau: FloatArray) -> NDArray[np.bool_]:
 
 
 def without_columns(recording: Recording, left_out: NDArray[np.bool_]) -> Recording:
-    """The recording with some friction columns set to zero.
-
-    Args:
-        recording: prepared, with columns (N, n, k) or none.
-        left_out: a flag per joint and column, (n, k).
-
-    Returns:
-        The recording; unchanged where no flag is set.
-    """
+    """The recording with the friction columns of flags (n, k) set to zero."""
     if recording.columns is None or not left_out.any():
         return recording
     return recording.replace(columns=np.where(left_out, 0.0, recording.columns))
@@ -277,16 +212,7 @@ def without_columns(recording: Recording, left_out: NDArray[np.bool_]) -> Record
 def left_out_note(
     left_out: NDArray[np.bool_], joints: Sequence[str], names: Sequence[str]
 ) -> tuple[str, ...]:
-    """Sentence that names the columns left out; none where there are none.
-
-    Args:
-        left_out: a flag per joint and column, (n, k).
-        joints: names of the joints, (n,).
-        names: names of the columns, (k,).
-
-    Returns:
-        One sentence or none.
-    """
+    """Sentence that names the columns left out, by flags (n, k); none where there are none."""
     parts = [
         f"{name} of {', '.join(np.array(joints)[left_out[:, k]])}"
         for k, name in enumerate(names)

@@ -2,6 +2,5 @@
 
 from runtime.recording.preprocessing.filters import is_filtered
 from runtime.recording.preprocessing.pipeline import DOCUMENT, prepare
-from runtime.recording.preprocessing.segments import differentiate
 
-__all__ = ["DOCUMENT", "differentiate", "is_filtered", "prepare"]
+__all__ = ["DOCUMENT", "is_filtered", "prepare"]

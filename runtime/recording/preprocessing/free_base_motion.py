@@ -27,12 +27,11 @@ from scipy.spatial.transform import Rotation
 from runtime.errors import RecordingError
 from runtime.recording.consistency import unwrap
 from runtime.recording.free_base import Contacts, FreeBaseRecording
-from runtime.recording.friction import COLUMNS, JointMotion
-from runtime.recording.friction import columns as friction_columns
+from runtime.recording.friction.model import columns as friction_columns
 from runtime.recording.preprocessing.filters import lagged, low_pass
 from runtime.recording.preprocessing.segments import differentiate, holes, interpolate, resample
 from runtime.recording.recording import FloatArray, Recording
-from runtime.recording.settings import Friction
+from runtime.recording.settings import COLUMNS, Friction, JointMotion
 
 _FAR = 0.1
 """Distance to the convention, relative to the statement, from which others are tried."""

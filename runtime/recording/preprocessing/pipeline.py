@@ -21,7 +21,7 @@ from scipy.interpolate import CubicSpline
 from runtime.errors import RecordingError
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording
-from runtime.recording.friction import COLUMNS, add_columns, completed, renewed_rotor
+from runtime.recording.friction.model import add_columns, completed, renewed_rotor
 from runtime.recording.preprocessing.clock_repair import repair_clock
 from runtime.recording.preprocessing.filters import low_pass, moving_average, savitzky_golay
 from runtime.recording.preprocessing.segments import (
@@ -36,6 +36,7 @@ from runtime.recording.preprocessing.segments import (
     without_short,
 )
 from runtime.recording.recording import ALL, FloatArray
+from runtime.recording.settings import COLUMNS
 
 DOCUMENT = Preparation(filter="average", window_s=0.051, rate_hz=100.0)
 """Preparation of the source document, Sec. 5.2: means over 51 ms of q, dq and τ; ddq from

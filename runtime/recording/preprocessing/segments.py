@@ -79,15 +79,9 @@ def without_short(recording: Recording, minimum: int) -> Recording:
 
 
 def differentiate(recording: Recording, from_position: bool = False) -> Recording:
-    """Fill in dq from q and ddq from dq by central differences, of second order at the ends as
-    well.
+    """Fill in dq from q and ddq from dq by central differences, of second order at the ends, too.
 
-    Args:
-        recording: with q.
-        from_position: replace measured dq and ddq too.
-
-    Returns:
-        The recording with dq and ddq.
+    from_position: replace measured dq and ddq too.
     """
     result = recording
     if from_position or recording.dq is None:

@@ -38,11 +38,7 @@ def bundled_names() -> tuple[str, ...]:
 
 
 def load_recipe(which: str | Path | Recipe) -> Recipe:
-    """Load a recipe from its TOML file or by the name of a bundled one; a `Recipe` passes through.
-
-    Raises:
-        RecordingError: there is no such recipe, or its content is not that of a recipe.
-    """
+    """Recipe of a TOML file or by the name of a bundled one; a `Recipe` passes through."""
     if isinstance(which, Recipe):
         return which
     path = Path(which)

@@ -29,7 +29,8 @@ from runtime.identification.expected_accuracy.session_error import (
 )
 from runtime.library import Library, load
 from runtime.recording import Friction
-from runtime.recording.friction import JointMotion, columns
+from runtime.recording.friction.model import columns
+from runtime.recording.settings import JointMotion
 from tests.runtime.conftest import Command
 
 MOTION = np.array([[0.3, -0.2, 0.2, 0.1]])

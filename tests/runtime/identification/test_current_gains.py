@@ -17,8 +17,9 @@ from runtime.identification.single_log import identify_recording
 from runtime.inspection import inspect_log
 from runtime.library import Array, Library
 from runtime.library.parameters import links, mass
-from runtime.recording import Friction, Preparation, open_streamed, read_recording
+from runtime.recording import Friction, Preparation, read_recording
 from runtime.recording.current_gains import UNSEEN, UP_TO_FACTOR
+from runtime.recording.streamed import open_streamed
 from runtime.recording.unit_conversion import scaled
 
 PREPARATION = Preparation(filter="butterworth", cutoff_hz=10.0, trim_s=0.3)

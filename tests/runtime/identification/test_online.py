@@ -13,7 +13,7 @@ from runtime.estimators.convex.newton import convex_problem, minimise
 from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.recording import Friction
-from runtime.recording.friction import add_columns
+from runtime.recording.friction.model import add_columns
 
 
 @pytest.fixture(autouse=True)

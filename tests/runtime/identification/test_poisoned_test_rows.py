@@ -15,7 +15,8 @@ from runtime.identification.several_logs import NamedLog
 from runtime.identification.single_log import identify_recording
 from runtime.inspection.torque_checks import proposed_preparation
 from runtime.library import Library
-from runtime.recording import Friction, Preparation, Split, open_streamed, write_recording
+from runtime.recording import Friction, Preparation, Split, write_recording
+from runtime.recording.streamed import open_streamed
 
 SLOW = Preparation(filter="butterworth", cutoff_hz=1.0, max_gap_s=0.1)
 """Filter whose time constant is a twentieth of the log."""

@@ -9,7 +9,8 @@ import pytest
 
 import runtime
 from runtime.library import Library
-from runtime.recording import open_log, read_recording
+from runtime.recording import read_recording
+from runtime.recording.streamed import open_log
 from tests.runtime.conftest import Command
 
 

@@ -20,7 +20,8 @@ from runtime.identification.several_logs import NamedLog
 from runtime.identification.single_log import identify_recording
 from runtime.outputs.model_files.formats.urdf import urdf_text
 from runtime.outputs.model_files.model import make_model
-from runtime.recording import Friction, Preparation, Split, open_streamed
+from runtime.recording import Friction, Preparation, Split
+from runtime.recording.streamed import open_streamed
 from tests.oracle import pinocchio_model
 
 RUNS = 500

@@ -26,7 +26,8 @@ from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split, read_recording
 from runtime.recording.preprocessing.parts import split
-from runtime.simulation import Plant, ideal, perturbed_lam, sample_times
+from runtime.simulation import Plant, ideal, sample_times
+from runtime.simulation.closed_loop import perturbed_lam
 from tests.runtime.conftest import Command
 
 SIGMA = 0.05

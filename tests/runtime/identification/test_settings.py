@@ -10,14 +10,8 @@ from runtime.identification.settings import NAMES, SettingKeywords, Settings, se
 from runtime.identification.several_logs import NamedLog
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
-from runtime.recording import (
-    Friction,
-    Preparation,
-    Recording,
-    Split,
-    open_streamed,
-    write_recording,
-)
+from runtime.recording import Friction, Preparation, Recording, Split, write_recording
+from runtime.recording.streamed import open_streamed
 
 TERMS = Friction(("viscous", "coulomb"), 0.03)
 

@@ -24,7 +24,7 @@ from runtime.inspection.finding import INFO, Finding
 from runtime.inspection.inspection import stated
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recipe, Recording
-from runtime.recording.friction import DRIVE
+from runtime.recording.friction.model import DRIVE
 from runtime.recording.recipes.recipe import Signal, Time
 from tests.runtime.signals import sine
 

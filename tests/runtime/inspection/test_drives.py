@@ -12,8 +12,9 @@ from runtime.identification.settings import Settings
 from runtime.inspection import INFO, Inspection, inspect_log, recipe_text
 from runtime.inspection.checks.drives import friction_of
 from runtime.library import Library, load
-from runtime.recording import Friction, Preparation, Recording, load_recipe, read_recording
-from runtime.recording.friction import DRIVE
+from runtime.recording import Friction, Preparation, Recording, read_recording
+from runtime.recording.friction.model import DRIVE
+from runtime.recording.recipes.recipe_file import load_recipe
 from tests.runtime.servo_logs import STROKE, dry_servo_log, random_servo, servo_arrays
 
 

@@ -13,7 +13,8 @@ import pytest
 from runtime import load, read_recording
 from runtime.inspection import Inspection, inspect_log, recipe_text
 from runtime.inspection.checks.outlying_rows import outlying_rows
-from runtime.recording import Recipe, Recording, load_recipe
+from runtime.recording import Recipe, Recording
+from runtime.recording.recipes.recipe_file import load_recipe
 from tests.runtime.diagnosis import require_no_warning, sentences
 from tests.runtime.faults import FAULTS, JOINT, Fault
 from tests.runtime.virtual_arms import Arm, Log, cobot

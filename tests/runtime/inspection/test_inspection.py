@@ -10,7 +10,7 @@ from runtime import Recording
 from runtime.errors import RecordingError
 from runtime.inspection import inspect_log, recipe_text
 from runtime.library import Library
-from runtime.recording import load_recipe
+from runtime.recording.recipes.recipe_file import load_recipe
 from tests.runtime.diagnosis import EXAMPLE, kinds, sentences
 
 

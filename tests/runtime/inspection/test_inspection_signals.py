@@ -15,8 +15,9 @@ from runtime import Recording
 from runtime.inspection import inspect_log, recipe_text
 from runtime.inspection.checks.signals import unsigned_torque
 from runtime.library import Library
-from runtime.recording import Friction, load_recipe
+from runtime.recording import Friction
 from runtime.recording.preprocessing.segments import differentiate
+from runtime.recording.recipes.recipe_file import load_recipe
 from tests.oracle import pinocchio_model
 from tests.runtime.diagnosis import kinds, require_no_warning, sentences
 

@@ -11,7 +11,8 @@ from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Recording
 from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.friction import Coupling, spread, torque
+from runtime.recording.friction.coupled_motors import Coupling, spread
+from runtime.recording.friction.model import torque
 from runtime.recording.preprocessing import prepare
 from runtime.simulation import Plant, closed_loop, ideal, record, settings_of
 from symgen.chain.mechanism import mechanism_from_table

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from runtime.errors import RecordingError
-from runtime.recording import load_recipe, open_streamed, plan_of, read_recording, recipe_text
-from runtime.recording.recipes.recipe_file import recipe_from_table
+from runtime.recording import read_recording
+from runtime.recording.reader import plan_of
+from runtime.recording.recipes.recipe_file import load_recipe, recipe_from_table, recipe_text
+from runtime.recording.streamed import open_streamed
 
 N, JOINTS = 240, 3
 LAW = '[torque]\nlaw = "pd"\nkp = [80, 120, 60]\nkd = [2.5, 2.0, 1.0]\n'

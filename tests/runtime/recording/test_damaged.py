@@ -15,8 +15,9 @@ from runtime.experiments.storage import read_rows
 from runtime.identification.payload.known import read_known_payload
 from runtime.identification.saved_result import read_result
 from runtime.library import Library, load
-from runtime.recording import Recording, open_streamed, read_recording
+from runtime.recording import Recording, read_recording
 from runtime.recording.formats import bag_messages, parquet_format
+from runtime.recording.streamed import open_streamed
 from scripts.fuzzing import bags, goods
 
 ENDLESS = "WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM n) SELECT count(x)"

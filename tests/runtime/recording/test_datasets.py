@@ -9,11 +9,12 @@ import pooch
 import pytest
 
 from runtime.errors import RecordingError
-from runtime.recording import Friction, bundled_names, datasets, load_recipe, read_recording
+from runtime.recording import Friction, datasets, read_recording
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.clock_repair import repair_clock
 from runtime.recording.preprocessing.parts import split
 from runtime.recording.preprocessing.segments import segments
+from runtime.recording.recipes.recipe_file import bundled_names, load_recipe
 
 
 def real(name: str) -> Path:

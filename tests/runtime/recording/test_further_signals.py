@@ -6,15 +6,10 @@ import numpy as np
 import pytest
 
 from runtime.errors import RecordingError
-from runtime.recording import (
-    Preparation,
-    Recording,
-    load_recipe,
-    open_streamed,
-    read_recording,
-    recipe_text,
-)
+from runtime.recording import Preparation, Recording, read_recording
 from runtime.recording.preprocessing.pipeline import on_grid
+from runtime.recording.recipes.recipe_file import load_recipe, recipe_text
+from runtime.recording.streamed import open_streamed
 
 N, JOINTS = 200, 3
 KELVIN = 273.15

@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from runtime.errors import RecordingError, RuntimeFault
-from runtime.recording import Recording, check_consistency, read_recording, write_recording
+from runtime.recording import Recording, read_recording, write_recording
 from runtime.recording import recording as recordings
+from runtime.recording.consistency import check_consistency
 from runtime.recording.recording import require_clock
 from tests.runtime.logs import motion
 

@@ -12,8 +12,8 @@ from runtime.identification.metrics import torque_error
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation
-from runtime.simulation import Controller, Plant, closed_loop, ideal, perturbed_lam, sample_times
-from runtime.simulation.closed_loop import follow
+from runtime.simulation import Controller, Plant, closed_loop, ideal, sample_times
+from runtime.simulation.closed_loop import follow, perturbed_lam
 from tests.oracle import pinocchio_model, with_parameters
 
 

@@ -18,8 +18,8 @@ from runtime.outputs.model_files.export_format import ExportFormat
 from runtime.outputs.model_files.formats.header import comment_text
 from runtime.outputs.model_files.model import IdentifiedModel
 from runtime.outputs.model_files.reload_check import TOLERANCE, torque_difference, verified
-from runtime.recording.friction import ROTOR
 from runtime.recording.friction import model as friction
+from runtime.recording.friction.columns import ROTOR
 from runtime.recording.settings import JointMotion
 
 OF_SPEED = ("viscous", "coulomb", "offset", "asymmetric", "stribeck")

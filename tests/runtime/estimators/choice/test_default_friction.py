@@ -20,8 +20,9 @@ from runtime.identification.settings import Settings
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split, write_recording
-from runtime.recording.friction import JointMotion, columns, torque
+from runtime.recording.friction.model import columns, torque
 from runtime.recording.preprocessing import prepare
+from runtime.recording.settings import JointMotion
 from tests.runtime.diagnosis import EXAMPLE
 from tests.runtime.virtual_arms import cobot
 

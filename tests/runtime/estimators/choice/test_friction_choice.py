@@ -11,7 +11,9 @@ from runtime.estimators.choice.friction_choice import FRICTION_MODELS, choose_fr
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split
-from runtime.recording.friction import JointMotion, columns, gravity_load, torque
+from runtime.recording.friction.columns import gravity_load
+from runtime.recording.friction.model import columns, torque
+from runtime.recording.settings import JointMotion
 
 NOISE = 0.02
 WHOLE = Split((0.0, 0.9), (0.9, 0.95), (0.95, 1.0))

@@ -7,7 +7,8 @@ from runtime.estimators.choice import friction_choice
 from runtime.estimators.choice.friction_choice import choose_friction
 from runtime.library import Library
 from runtime.recording import Recording, Split
-from runtime.recording.friction import JointMotion, columns
+from runtime.recording.friction.model import columns
+from runtime.recording.settings import JointMotion
 
 SIGMA, EPSILON = 0.02, 0.03
 

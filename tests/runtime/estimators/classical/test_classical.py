@@ -17,7 +17,7 @@ from runtime.estimators.regression.samples import Samples, samples_of, thesis_we
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction
-from runtime.recording.friction import add_columns
+from runtime.recording.friction.model import add_columns
 
 
 def problem_of(lib: Library, samples: Samples) -> Problem:

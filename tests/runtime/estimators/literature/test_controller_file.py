@@ -11,7 +11,8 @@ from runtime.estimators.literature.iv_didim import read_controller
 from runtime.excitation import Trajectory
 from runtime.excitation.trajectory_file import write_motion
 from runtime.library import Library
-from runtime.simulation import Controller, write_controller
+from runtime.simulation import Controller
+from runtime.simulation.closed_loop import write_controller
 from tests.runtime.conftest import Command
 
 

@@ -9,7 +9,7 @@ from runtime.estimators.regression.factor import joined
 from runtime.estimators.regression.samples import samples_of, thesis_weights
 from runtime.library import Library
 from runtime.recording import Friction
-from runtime.recording.friction import add_columns
+from runtime.recording.friction.model import add_columns
 
 
 def test_joined_triangles_of_numpy_and_of_c_agree(lib: Library) -> None:

@@ -9,7 +9,7 @@ from runtime.estimators.regression.compression import TorqueObjective, friction_
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.library import Library
 from runtime.recording import Friction
-from runtime.recording.friction import add_columns
+from runtime.recording.friction.model import add_columns
 from tests.taylor import assert_second_order, taylor_slope
 
 

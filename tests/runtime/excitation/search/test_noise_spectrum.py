@@ -14,7 +14,8 @@ from runtime.excitation.search.measures import log_volume
 from runtime.excitation.search.prediction import covariance_of
 from runtime.library import Library
 from runtime.recording import Friction
-from runtime.recording.friction import JointMotion, columns
+from runtime.recording.friction.model import columns
+from runtime.recording.settings import JointMotion
 from tests.runtime.conftest import Command
 from tests.taylor import assert_second_order, taylor_slope
 

@@ -20,7 +20,7 @@ from runtime.identification.settings import Settings
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording, read_recording
-from runtime.recording.friction import DRIVE
+from runtime.recording.friction.model import DRIVE
 from tests.runtime.conftest import Command
 from tests.runtime.servo_logs import Servo, random_servo, servo_arrays
 

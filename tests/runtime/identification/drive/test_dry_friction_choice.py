@@ -14,8 +14,9 @@ from runtime.library import Array, Library, load
 from runtime.monitoring.model import model_of
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.commanded_torque import without_ends
-from runtime.recording.friction import DRIVE, JointMotion, columns
+from runtime.recording.friction.model import DRIVE, columns
 from runtime.recording.recipes.recipe import COMMANDED
+from runtime.recording.settings import JointMotion
 from tests.runtime.servo_logs import STROKE, dry_servo_log
 
 PREPARATION = Preparation(filter="butterworth", cutoff_hz=10.0, trim_s=0.2)

@@ -23,11 +23,12 @@ from runtime.identification.identified import torque_errors
 from runtime.identification.long_logs import blocks_of, parts_of_log
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
-from runtime.recording import Friction, Preparation, Split, open_streamed, write_recording
+from runtime.recording import Friction, Preparation, Split, write_recording
 from runtime.recording.formats import csv_format, tables
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.parts import split
 from runtime.recording.recipes.recipe_file import recipe_from_table
+from runtime.recording.streamed import open_streamed
 from tests.conftest import REPOSITORY
 from tests.runtime.conftest import Command
 from tests.runtime.motions import moving

@@ -17,8 +17,9 @@ from runtime.identification import problem_setup
 from runtime.identification.identified import torque_errors
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
-from runtime.recording import Friction, Preparation, open_streamed, write_recording
+from runtime.recording import Friction, Preparation, write_recording
 from runtime.recording.formats import tables
+from runtime.recording.streamed import open_streamed
 from tests.runtime.conftest import Command
 from tests.runtime.motions import moving
 

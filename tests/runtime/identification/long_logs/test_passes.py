@@ -16,9 +16,10 @@ from runtime.identification import long_logs as blocks
 from runtime.identification import long_logs as passes
 from runtime.identification.long_logs import first_row, parts_of_log
 from runtime.identification.single_log import identify_recording
-from runtime.recording import Friction, Preparation, Split, open_streamed, write_recording
+from runtime.recording import Friction, Preparation, Split, write_recording
 from runtime.recording.formats import parquet_format
 from runtime.recording.formats.tables import Spool
+from runtime.recording.streamed import open_streamed
 from tests.runtime.motions import moving
 
 PREPARATION = Preparation(filter="butterworth", cutoff_hz=20.0, rate_hz=100.0)

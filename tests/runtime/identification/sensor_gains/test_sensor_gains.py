@@ -11,8 +11,10 @@ from runtime.errors import RuntimeFault
 from runtime.identification.payload.body import mount_of, pi_of_body
 from runtime.identification.payload.known import KnownPayload, read_known_payload
 from runtime.identification.sensor_gains import identify_gains, linear, problem_of, reduced, solve
-from runtime.recording import Friction, Recipe, load_recipe, plan_of, recipe_text
+from runtime.recording import Friction, Recipe
+from runtime.recording.reader import plan_of
 from runtime.recording.recipes.recipe import Signal
+from runtime.recording.recipes.recipe_file import load_recipe, recipe_text
 from tests.runtime.identification.sensor_gains.weighed import (
     BIAS,
     BODY,

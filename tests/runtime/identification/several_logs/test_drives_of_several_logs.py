@@ -10,7 +10,7 @@ from runtime.identification.prepared_log import PreparedLog
 from runtime.identification.settings import Settings
 from runtime.library import load
 from runtime.recording import Friction, Preparation, read_recording
-from runtime.recording.friction import DRIVE
+from runtime.recording.friction.model import DRIVE
 from tests.runtime.servo_logs import dry_servo_log, random_servo, servo_arrays
 
 PREPARATION = Preparation(filter="butterworth", cutoff_hz=10.0)

@@ -13,8 +13,9 @@ from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.outputs.report.report import write_report
 from runtime.recording import Friction, Preparation, write_recording
-from runtime.recording.friction import JointMotion, columns
+from runtime.recording.friction.model import columns
 from runtime.recording.preprocessing import prepare
+from runtime.recording.settings import JointMotion
 from tests.runtime.conftest import Command
 from tests.runtime.motions import COULOMB, VISCOUS, moving
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from runtime.library import Library
-from runtime.recording import open_streamed, read_recording, streamed
+from runtime.recording import read_recording, streamed
 from runtime.recording.formats import joint_states
 from runtime.recording.recipes.recipe_file import recipe_from_table
+from runtime.recording.streamed import open_streamed
 from tests.runtime.conftest import Command
 from tests.runtime.motions import moving
 from tests.runtime.recording.formats.test_bags import (

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from runtime.errors import RecordingError
-from runtime.recording import open_streamed
 from runtime.recording.formats import digests
 from runtime.recording.formats.digests import Digests
+from runtime.recording.streamed import open_streamed
 
 
 @pytest.fixture

@@ -11,8 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from runtime.errors import RecordingError
-from runtime.recording import Recording, open_streamed, read_recording, write_recording
+from runtime.recording import Recording, read_recording, write_recording
 from runtime.recording.recipes.recipe_file import recipe_from_table
+from runtime.recording.streamed import open_streamed
 from tests.runtime.logs import motion
 
 

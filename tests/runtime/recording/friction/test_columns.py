@@ -9,7 +9,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from runtime.errors import RecordingError
-from runtime.recording import Friction, Recording, friction
+from runtime.recording import Friction, Recording
+from runtime.recording.friction.model import add_columns
+from runtime.recording.friction.model import columns as friction_columns
+from runtime.recording.friction.model import torque as friction_torque
+from runtime.recording.settings import COLUMNS, JointMotion
 from tests.conftest import REPOSITORY
 from tests.plugins import add_toy
 
@@ -18,7 +22,7 @@ NAMES = ("viscous", "coulomb", "offset")
 
 def speed_columns(dq, names=NAMES, eps=0.02):
     """Columns that need the speed alone."""
-    return friction.columns(friction.JointMotion(np.asarray(dq)), Friction(tuple(names), eps))
+    return friction_columns(JointMotion(np.asarray(dq)), Friction(tuple(names), eps))
 
 
 speeds = arrays(np.float64, (5, 3), elements=st.floats(-10, 10))
@@ -40,8 +44,8 @@ def test_columns_are_those_of_the_docstring():
 def test_friction_is_odd_and_takes_power(dq):
     """Property: viscous and Coulomb friction with φ ≥ 0 is odd in dq and never drives the joint."""
     phi = np.array([[0.1, 0.5], [0.0, 0.3], [2.0, 0.0]])
-    tau = friction.torque(speed_columns(dq, ("viscous", "coulomb")), phi)
-    mirrored = friction.torque(speed_columns(-dq, ("viscous", "coulomb")), phi)
+    tau = friction_torque(speed_columns(dq, ("viscous", "coulomb")), phi)
+    mirrored = friction_torque(speed_columns(-dq, ("viscous", "coulomb")), phi)
     np.testing.assert_array_equal(mirrored, -tau)
     assert (tau * dq >= 0.0).all()
 
@@ -50,7 +54,7 @@ def test_torque_is_the_sum_of_columns():
     """Oracle: against the sum written out for one joint."""
     dq = np.linspace(-1, 1, 7)[:, None] * [1.0, 2.0]
     phi = np.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])
-    tau = friction.torque(speed_columns(dq, NAMES, 0.1), phi)
+    tau = friction_torque(speed_columns(dq, NAMES, 0.1), phi)
     np.testing.assert_allclose(
         tau[:, 1], 0.4 * dq[:, 1] + 0.5 * np.tanh(dq[:, 1] / 0.1) + 0.6, rtol=1e-14
     )
@@ -71,9 +75,9 @@ def test_wrong_names_speeds_and_shapes_are_told():
     with pytest.raises(RecordingError, match="coulomb_speed expects a number above 0"):
         speed_columns(dq, NAMES, 0.0)
     with pytest.raises(RecordingError, match=r"shape \(2, 3\) .* got \(3, 2\)"):
-        friction.torque(speed_columns(dq, NAMES), np.zeros((3, 2)))
+        friction_torque(speed_columns(dq, NAMES), np.zeros((3, 2)))
     with pytest.raises(RecordingError, match="expect dq"):
-        friction.add_columns(Recording(t=np.arange(4.0), q=dq), Friction(NAMES))
+        add_columns(Recording(t=np.arange(4.0), q=dq), Friction(NAMES))
 
 
 TOY = """
@@ -92,13 +96,11 @@ TOY = FrictionColumn("toy", "dq |dq|", drag)
 def test_records_state_the_properties_of_their_columns():
     """Oracle: claims about the columns against their equations, on a random motion."""
     rng = np.random.default_rng(0)
-    motions = [
-        friction.JointMotion(*(rng.normal(size=(20, 2)) for _ in range(3))) for _ in range(2)
-    ]
-    total = friction.JointMotion(*(sum(getattr(m, k) for m in motions) for k in ("dq", "q", "ddq")))
+    motions = [JointMotion(*(rng.normal(size=(20, 2)) for _ in range(3))) for _ in range(2)]
+    total = JointMotion(*(sum(getattr(m, k) for m in motions) for k in ("dq", "q", "ddq")))
     terms = Friction(gear=((1.0, 0.0), (0.5, 1.0)))
-    for name in friction.COLUMNS:
-        column = friction.COLUMNS[name]
+    for name in COLUMNS:
+        column = COLUMNS[name]
         if name in {"load", "position"} or column.signals:  # need a robot or a log
             continue
         a, b, both = (column.function(m, terms) for m in (*motions, total))
@@ -121,7 +123,7 @@ def test_a_column_of_another_package_is_identified(tmp_path, lib, command, monke
     words = ["identify", log, "--robot", lib.folder, *options]
     bare = command(*words)
     assert "no friction column 'toy'" in bare.out + bare.err
-    add_toy(tmp_path / "site", friction.COLUMNS, "toy", TOY, "TOY", monkeypatch)
+    add_toy(tmp_path / "site", COLUMNS, "toy", TOY, "TOY", monkeypatch)
     run = command(*words)
     assert run.code == 0, run.out + run.err
     facts = json.loads((tmp_path / "out" / "result.json").read_text())

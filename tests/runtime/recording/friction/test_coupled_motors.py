@@ -13,17 +13,11 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.identification import metrics
 from runtime.identification.single_log import identify_recording
 from runtime.recording import Friction, Recipe, read_recording
-from runtime.recording.friction import (
-    JointMotion,
-    columns,
-    coupling_of_terms,
-    directions,
-    geared,
-    spread,
-    torque,
-)
+from runtime.recording.friction.coupled_motors import coupling_of_terms, directions, geared, spread
+from runtime.recording.friction.model import columns, torque
 from runtime.recording.preprocessing import prepare
 from runtime.recording.reader import write_recording
+from runtime.recording.settings import JointMotion
 from tests.runtime.recording.test_datasets import real
 
 JOINTS = ("viscous", "coulomb", "rotor")

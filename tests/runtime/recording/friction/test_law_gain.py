@@ -11,8 +11,9 @@ from runtime.errors import RecordingError
 from runtime.identification.posterior_file import friction_sigma
 from runtime.identification.single_log import identify_recording
 from runtime.library import Array, Library
-from runtime.recording import Friction, Preparation, Recording, friction, read_recording
-from runtime.recording.friction import DRIVE
+from runtime.recording import Friction, Preparation, Recording, read_recording
+from runtime.recording.friction.model import DRIVE
+from runtime.recording.friction.model import torque as friction_torque
 from runtime.recording.preprocessing import prepare
 from tests.runtime.servo_logs import KD, KP, random_servo, servo_arrays
 
@@ -75,7 +76,7 @@ def test_the_column_is_the_slope_by_the_gain(lib: Library, tmp_path: Path) -> No
     done = prepare(log, steps, terms, lib=lib)
     h = 1e-4
     phi = np.full((lib.n_joints, 1), h)
-    more, less = (done.tau - friction.torque(done.columns, s * phi) for s in (1, -1))
+    more, less = (done.tau - friction_torque(done.columns, s * phi) for s in (1, -1))
     np.testing.assert_allclose((more - less) / (2 * h), done.tau, rtol=1e-9, atol=1e-9)
     measured = Recording(log.t, log.q, log.dq, tau=log.tau)
     with pytest.raises(RecordingError, match=r"'commanded_torque' .*\[torque\] with a law"):

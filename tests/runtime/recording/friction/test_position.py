@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from runtime.recording import Friction
-from runtime.recording.friction import JointMotion, columns
+from runtime.recording.friction.model import columns
+from runtime.recording.settings import JointMotion
 
 
 @dataclass

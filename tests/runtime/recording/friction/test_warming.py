@@ -12,15 +12,11 @@ from runtime.identification.posterior_file import friction_sigma
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.monitoring.model import model_of
-from runtime.recording import (
-    Friction,
-    Preparation,
-    Recording,
-    friction,
-    open_streamed,
-    read_recording,
-)
+from runtime.recording import Friction, Preparation, Recording, read_recording
+from runtime.recording.friction.model import columns as friction_columns
 from runtime.recording.preprocessing import prepare
+from runtime.recording.settings import COLUMNS, JointMotion
+from runtime.recording.streamed import open_streamed
 from tests.plugins import add_toy
 from tests.runtime.conftest import Command
 from tests.runtime.motions import COULOMB, SPEED, VISCOUS, moving
@@ -71,8 +67,8 @@ def test_columns_are_slopes_of_the_viscous_torque() -> None:
     dq, warm = rng.normal(size=(2, 20, 3))
 
     def column(name: str, signal: str, values: np.ndarray) -> np.ndarray:
-        motion = friction.JointMotion(dq, signals={signal: values})
-        return friction.columns(motion, Friction((name,)))[..., 0]
+        motion = JointMotion(dq, signals={signal: values})
+        return friction_columns(motion, Friction((name,)))[..., 0]
 
     for name, signal, unit, zero in (
         ("viscous_temperature", "temperature", 1.0, 25.0),
@@ -169,7 +165,7 @@ def test_a_plugin_uses_a_signal_of_the_recipe(
 ) -> None:
     """Property: a column of another package is its record and its entry point."""
     (tmp_path / "site").mkdir()
-    add_toy(tmp_path / "site", friction.COLUMNS, "humid", HUMID, "HUMID", monkeypatch)
+    add_toy(tmp_path / "site", COLUMNS, "humid", HUMID, "HUMID", monkeypatch)
     write_recording(warm_log(lib), tmp_path / "warm.csv")
     (tmp_path / "recipe.toml").write_text(RECIPE)
     given = ["--robot", lib.folder, "--friction", "viscous,humid", "--recipe", "recipe.toml"]

@@ -5,7 +5,7 @@ import pytest
 from scipy import signal
 
 from runtime.recording import Friction, Preparation, Recording
-from runtime.recording.friction import COLUMNS, JointMotion, add_columns, columns
+from runtime.recording.friction.model import add_columns, columns
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.filters import low_pass
 from runtime.recording.preprocessing.segments import (
@@ -15,6 +15,7 @@ from runtime.recording.preprocessing.segments import (
     segments,
     trim,
 )
+from runtime.recording.settings import COLUMNS, JointMotion
 from tests.runtime.signals import sine, with_hole
 
 BUTTERWORTH = Preparation(filter="butterworth", cutoff_hz=10.0, rate_hz=100.0)

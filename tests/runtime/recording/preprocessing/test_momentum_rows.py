@@ -16,11 +16,14 @@ from runtime.identification.long_logs import blocks_of
 from runtime.identification.several_logs import NamedLog
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
-from runtime.recording import Friction, Preparation, open_streamed, write_recording
-from runtime.recording.friction import JointMotion, columns, coupling_of_terms, torque
+from runtime.recording import Friction, Preparation, write_recording
+from runtime.recording.friction.coupled_motors import coupling_of_terms
+from runtime.recording.friction.model import columns, torque
 from runtime.recording.preprocessing import pipeline, prepare
 from runtime.recording.preprocessing.pipeline import prepare_power
 from runtime.recording.recipes.recipe_file import recipe_from_table
+from runtime.recording.settings import JointMotion
+from runtime.recording.streamed import open_streamed
 from runtime.simulation import Plant, ideal
 from tests.runtime.conftest import Command
 from tests.runtime.motions import moving

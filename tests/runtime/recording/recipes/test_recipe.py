@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from runtime.errors import RecordingError
-from runtime.recording import Preparation, Split, bundled_names, load_recipe, read_recording
-from runtime.recording.recipes.recipe_file import recipe_from_table
+from runtime.recording import Preparation, Split, read_recording
+from runtime.recording.recipes.recipe_file import bundled_names, load_recipe, recipe_from_table
 
 TIME = {"rate_hz": 100.0}
 POSITION = {"file": "q.csv", "columns": ["a", "b"], "unit": "rad"}

@@ -4,9 +4,14 @@ import tomllib
 
 import pytest
 
-from runtime.recording import Friction, Recipe, bundled_names, load_recipe, recipe_text
+from runtime.recording import Friction, Recipe
 from runtime.recording.recipes.recipe import Signal, Time
-from runtime.recording.recipes.recipe_file import recipe_from_table
+from runtime.recording.recipes.recipe_file import (
+    bundled_names,
+    load_recipe,
+    recipe_from_table,
+    recipe_text,
+)
 
 ODD = Recipe(
     run="odd",

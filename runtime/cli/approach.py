@@ -2,14 +2,12 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-import typer
 
 from runtime.cli.common import numbers_option, open_robot
 from runtime.cli.motion_output import EXPORT_MARGIN, FROM, MotionChoices, json_path
-from runtime.common.settings import output_option
+from runtime.common.settings import argument_field, method_field, output_field
 from runtime.common.terminal import say
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.excitation import Trajectory
@@ -115,17 +113,14 @@ class ApproachSettings(MotionChoices):
 
     command = "approach"
     options = "robot from_pose returns table obstacles carry export speed out overwrite"
-    motion: Annotated[Path, typer.Argument(metavar="MOTION", help="JSON of excite.")]
-    from_pose: Annotated[str, typer.Option("--from", metavar="POSE", help=FROM)]
-    out: Annotated[
-        Path | None,
-        output_option(
-            metavar="FILE", help="JSON of ways and motion; default results/ROBOT-approach.json."
-        ),
-    ] = None
-    margin: Annotated[
-        float, typer.Option(help="Share of the limits that the ways may use, 0 to 1.")
-    ] = EXPORT_MARGIN
+    motion: Path = argument_field(metavar="MOTION", help="JSON of excite.")
+    from_pose: str = method_field(..., "--from", metavar="POSE", help=FROM)
+    out: Path | None = output_field(
+        metavar="FILE", help="JSON of ways and motion; default results/ROBOT-approach.json."
+    )
+    margin: float = method_field(
+        EXPORT_MARGIN, help="Share of the limits that the ways may use, 0 to 1."
+    )
 
 
 def approach_command(given: ApproachSettings) -> None:

@@ -3,7 +3,6 @@
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 import typer
@@ -14,7 +13,7 @@ from runtime.campaign.drivers import DRIVERS, DriverSettings
 from runtime.campaign.target import target_of
 from runtime.cli.common import Seed, numbers_option, open_robot, sentences_of
 from runtime.cli.motion_limits import PlaceChoices
-from runtime.common.settings import model_option, output_option
+from runtime.common.settings import method_field, model_field, output_field
 from runtime.common.terminal import completing, say
 from runtime.errors import IdentificationError
 from runtime.library import Library
@@ -29,49 +28,41 @@ class CampaignSettings(PlaceChoices):
 
     command = "campaign"
     options = "target robot out duration driver table obstacles as_json"
-    target: Annotated[
-        str, typer.Option(metavar="v=5mNm|a=1.5%|payload=5g", help="Standard deviation to reach.")
-    ]
-    out: Annotated[
-        Path, output_option(metavar="DIR", help="Folder of all files of the campaign.")
-    ] = Path("results/campaign")
-    duration: Annotated[
-        float, typer.Option(help="Duration of the first motion at full speed, s.")
-    ] = 2.5
-    later_duration: Annotated[
-        float, typer.Option(help="Duration of every further motion at full speed, s.")
-    ] = 10.0
-    stages: Annotated[
-        str,
-        typer.Option(
-            metavar="%,%,…", help="Speeds of the first motion's stages, percent of full speed."
-        ),
-    ] = "10,50,100"
-    most_seconds: Annotated[
-        float, typer.Option(help="Motion time after which no further motion is begun, s.")
-    ] = 600.0
-    driver: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME[:ADDRESS]",
-            autocompletion=completing(DRIVERS),
-            help=f"Robot. {sentences_of(DRIVERS)}.",
-        ),
-    ] = "virtual"
-    gains: Annotated[
-        str | None,
-        model_option(
-            metavar="K,K,…", help="N·m/A or N/A per joint, for a robot that measures currents."
-        ),
-    ] = None
-    rehearsal: Annotated[
-        bool, typer.Option(help="Run every motion on the virtual robot with planted faults first.")
-    ] = True
+    target: str = method_field(
+        ..., metavar="v=5mNm|a=1.5%|payload=5g", help="Standard deviation to reach."
+    )
+    out: Path = output_field(
+        Path("results/campaign"), metavar="DIR", help="Folder of all files of the campaign."
+    )
+    duration: float = method_field(2.5, help="Duration of the first motion at full speed, s.")
+    later_duration: float = method_field(
+        10.0, help="Duration of every further motion at full speed, s."
+    )
+    stages: str = method_field(
+        "10,50,100",
+        metavar="%,%,…",
+        help="Speeds of the first motion's stages, percent of full speed.",
+    )
+    most_seconds: float = method_field(
+        600.0, help="Motion time after which no further motion is begun, s."
+    )
+    driver: str = method_field(
+        "virtual",
+        metavar="NAME[:ADDRESS]",
+        autocompletion=completing(DRIVERS),
+        help=f"Robot. {sentences_of(DRIVERS)}.",
+    )
+    gains: str | None = model_field(
+        metavar="K,K,…", help="N·m/A or N/A per joint, for a robot that measures currents."
+    )
+    rehearsal: bool = method_field(
+        True, help="Run every motion on the virtual robot with planted faults first."
+    )
     seed: Seed = 0
-    truth_seed: Annotated[
-        int, typer.Option(help="Seed of the virtual robot: its links and sensors.", min=0)
-    ] = 0
-    as_json: Annotated[bool, output_option("--json", help="Print JSON instead.")] = False
+    truth_seed: int = method_field(
+        0, help="Seed of the virtual robot: its links and sensors.", min=0
+    )
+    as_json: bool = output_field(False, "--json", help="Print JSON instead.")
 
 
 def campaign_command(given: CampaignSettings) -> None:

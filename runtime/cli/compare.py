@@ -2,9 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from runtime.cli.common import (
     ResultFolder,
@@ -18,7 +16,14 @@ from runtime.cli.common import (
 )
 from runtime.cli.log_options import FitChoices, Log, inputs_of, split_of
 from runtime.cli.shown_progress import ShownProgress
-from runtime.common.settings import FILE, choices_of, model_option, output_option
+from runtime.common.settings import (
+    FILE,
+    argument_field,
+    choices_of,
+    method_field,
+    model_field,
+    output_field,
+)
 from runtime.common.tables import Table
 from runtime.common.terminal import VERBOSE, command_line, completing, say, show
 from runtime.errors import IdentificationError
@@ -54,32 +59,23 @@ class CompareSettings(FitChoices):
     command = "compare"
     options = "robot methods out recipe run friction cutoff overwrite"
     log: Log
-    other: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="RESULT",
-            help="Folder of a second result. LOG is then the folder of the first one.",
-        ),
-    ] = None
-    methods: Annotated[
-        str | None,
-        typer.Option(
-            metavar="A,B,…",
-            autocompletion=completing(METHODS),
-            help=f"Methods with commas, of {', '.join(METHODS)}; default all.",
-        ),
-    ] = None
-    out: Annotated[
-        Path | None,
-        output_option(metavar="FOLDER", help="Folder of the result; default results/LOG-compare."),
-    ] = None
-    truth: Annotated[
-        Path | None,
-        model_option(
-            metavar="FILE",
-            help="JSON with the true parameters pi; default LOG.truth.json, which simulate writes.",
-        ),
-    ] = None
+    other: Path | None = argument_field(
+        None,
+        metavar="RESULT",
+        help="Folder of a second result. LOG is then the folder of the first one.",
+    )
+    methods: str | None = method_field(
+        metavar="A,B,…",
+        autocompletion=completing(METHODS),
+        help=f"Methods with commas, of {', '.join(METHODS)}; default all.",
+    )
+    out: Path | None = output_field(
+        metavar="FOLDER", help="Folder of the result; default results/LOG-compare."
+    )
+    truth: Path | None = model_field(
+        metavar="FILE",
+        help="JSON with the true parameters pi; default LOG.truth.json, which simulate writes.",
+    )
 
 
 def compare_command(given: CompareSettings) -> None:

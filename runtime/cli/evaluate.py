@@ -3,12 +3,11 @@
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 from runtime.cli.common import open_robot
 from runtime.cli.free_base import print_errors
 from runtime.cli.log_options import LaterLogChoices
-from runtime.common.settings import output_option
+from runtime.common.settings import output_field
 from runtime.common.terminal import say, show
 from runtime.identification.evaluation import evaluate
 from runtime.identification.free_base.result import free_base_errors
@@ -26,7 +25,7 @@ class EvaluateSettings(LaterLogChoices):
 
     command = "evaluate"
     options = "robot recipe run cutoff as_json"
-    as_json: Annotated[bool, output_option("--json", help="Print JSON instead.")] = False
+    as_json: bool = output_field(False, "--json", help="Print JSON instead.")
 
 
 def evaluate_command(given: EvaluateSettings) -> None:

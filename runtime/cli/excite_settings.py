@@ -2,10 +2,9 @@
 
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import typer
 
 from runtime.campaign.target import target_of
 from runtime.cli.common import numbers_option, sentences_of
@@ -21,7 +20,7 @@ from runtime.cli.planned_log import (
     counted,
     information_of,
 )
-from runtime.common.settings import data_option, model_option, output_option
+from runtime.common.settings import data_field, method_field, model_field, output_field
 from runtime.common.terminal import completing
 from runtime.common.threads import cores
 from runtime.errors import RuntimeFault
@@ -80,142 +79,98 @@ class ExciteSettings(MotionChoices):
         "robot duration budget criterion noise table box obstacles carry from_pose returns "
         "until export speed out"
     )
-    duration: Annotated[float, typer.Option(help="Duration t_f of the motion, s.")] = 10.0
-    harmonics: Annotated[int | None, typer.Option(help=HARMONICS_HELP)] = None
-    starts: Annotated[int, typer.Option(help="Number of searches; the best one is kept.")] = 5
-    budget: Annotated[
-        float | None,
-        typer.Option(
-            metavar="SECONDS",
-            help="Time for searches: after the first, a further one is made only if the mean time "
-            "per search still fits. The best is then finished and certified. The result depends on "
-            "the speed of the machine.",
-        ),
-    ] = None
-    processes: Annotated[
-        int | None,
-        typer.Option(
-            help="Number of parallel processes; default one per core, 1 for few starts (fewer than "
-            "4, with --settings document=true 10)."
-        ),
-    ] = None
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="tcp://HOST:PORT",
-            help="Search on the workers of this dask cluster instead (pip install "
-            "'symgen\\[cluster]'). Each worker loads the robot's folder, so it needs the same file "
-            "system.",
-        ),
-    ] = None
-    static: Annotated[
-        bool,
-        typer.Option(
-            "--static",
-            help="Poses at rest in place of a motion, for the gravity parameters of robots whose "
-            "torque is coarse: each is reached from both sides, so that Coulomb friction cancels.",
-        ),
-    ] = False
-    poses: Annotated[
-        int | None,
-        typer.Option(
-            metavar="K", help=f"Number of poses of --settings static=true; default {POSES}."
-        ),
-    ] = None
-    out: Annotated[
-        Path | None,
-        output_option(
-            metavar="FILE", help="JSON of the motion; default results/ROBOT-excite.json."
-        ),
-    ] = None
-    document: Annotated[
-        bool,
-        typer.Option(
-            "--document",
-            help="Problem of the document: criterion cond, limits of position, velocity and "
-            "acceleration only. Such a motion can hit the table that an FR3 stands on.",
-        ),
-    ] = False
-    criterion: Annotated[
-        str | None,
-        typer.Option(
-            autocompletion=completing(CRITERIA),
-            help=f"Quantity to minimise; default mixed. {sentences_of(CRITERIA)}.",
-        ),
-    ] = None
-    basis: Annotated[
-        str,
-        typer.Option(
-            autocompletion=completing(BASES),
-            help=f"Functions of the motion. {sentences_of(BASES)}.",
-        ),
-    ] = "cosine"
-    zero_jerk: Annotated[
-        bool, typer.Option("--zero-jerk", help="Begin and end with zero jerk too.")
-    ] = False
-    noise: Annotated[str, model_option(metavar="σ|LOG", help=f"{NOISE_HELP}.")] = "0.05"
+    duration: float = method_field(10.0, help="Duration t_f of the motion, s.")
+    harmonics: int | None = method_field(help=HARMONICS_HELP)
+    starts: int = method_field(5, help="Number of searches; the best one is kept.")
+    budget: float | None = method_field(
+        metavar="SECONDS",
+        help="Time for searches: after the first, a further one is made only if the mean time "
+        "per search still fits. The best is then finished and certified. The result depends on "
+        "the speed of the machine.",
+    )
+    processes: int | None = method_field(
+        help="Number of parallel processes; default one per core, 1 for few starts (fewer than "
+        "4, with --settings document=true 10)."
+    )
+    scheduler: str | None = method_field(
+        metavar="tcp://HOST:PORT",
+        help="Search on the workers of this dask cluster instead (pip install "
+        "'symgen\\[cluster]'). Each worker loads the robot's folder, so it needs the same file "
+        "system.",
+    )
+    static: bool = method_field(
+        False,
+        "--static",
+        help="Poses at rest in place of a motion, for the gravity parameters of robots whose "
+        "torque is coarse: each is reached from both sides, so that Coulomb friction cancels.",
+    )
+    poses: int | None = method_field(
+        metavar="K", help=f"Number of poses of --settings static=true; default {POSES}."
+    )
+    out: Path | None = output_field(
+        metavar="FILE", help="JSON of the motion; default results/ROBOT-excite.json."
+    )
+    document: bool = method_field(
+        False,
+        "--document",
+        help="Problem of the document: criterion cond, limits of position, velocity and "
+        "acceleration only. Such a motion can hit the table that an FR3 stands on.",
+    )
+    criterion: str | None = method_field(
+        autocompletion=completing(CRITERIA),
+        help=f"Quantity to minimise; default mixed. {sentences_of(CRITERIA)}.",
+    )
+    basis: str = method_field(
+        "cosine",
+        autocompletion=completing(BASES),
+        help=f"Functions of the motion. {sentences_of(BASES)}.",
+    )
+    zero_jerk: bool = method_field(False, "--zero-jerk", help="Begin and end with zero jerk too.")
+    noise: str = model_field("0.05", metavar="σ|LOG", help=f"{NOISE_HELP}.")
     noise_model: NoiseModel = WHITE
     cutoff: Cutoff = None
-    log_rate: Annotated[
-        float, data_option(help="Rate at which the robot will record the motion, Hz.")
-    ] = 100.0
-    friction: Annotated[
-        str | None,
-        model_option(
-            metavar="COLUMNS",
-            autocompletion=completing(COLUMNS),
-            help="Friction columns that are estimated too, with commas, or none; default "
-            f"{','.join(FRICTION)}, with --settings payload_only=true offset. All criteria but the "
-            "document's cond count them.",
-        ),
-    ] = None
+    log_rate: float = data_field(100.0, help="Rate at which the robot will record the motion, Hz.")
+    friction: str | None = model_field(
+        metavar="COLUMNS",
+        autocompletion=completing(COLUMNS),
+        help="Friction columns that are estimated too, with commas, or none; default "
+        f"{','.join(FRICTION)}, with --settings payload_only=true offset. All criteria but the "
+        "document's cond count them.",
+    )
     earlier_log: EarlierLogs = None
     payload_only: PayloadOnly = False
-    home: Annotated[
-        str | None,
-        model_option(
-            metavar="Q",
-            help="Start and end position, one number per joint with commas, rad or m; default the "
-            "home of the robot.",
-        ),
-    ] = None
-    margin: Annotated[float | None, typer.Option(help=MARGIN_HELP)] = None
-    pictures: Annotated[
-        bool,
-        output_option(
-            "--pictures",
-            help="Write PNG files beside the JSON: motion and torque of every joint with limits, "
-            "velocity over position (-speed), path of the tip and distances (-space).",
-        ),
-    ] = False
-    until: Annotated[
-        str | None,
-        typer.Option(
-            metavar="TARGET",
-            help='Find the shortest session with an expected standard deviation: "payload 5 g", '
-            "v=100mNm (torque of motions never seen) or a=10% (base parameters over their sizes). "
-            "It counts noise, friction, offsets, gains and model error. --duration and --criterion "
-            "follow.",
-        ),
-    ] = None
-    motions: Annotated[
-        int,
-        typer.Option(
-            "--motions",
-            metavar="K",
-            help="Number of motions that share --duration, each designed with what those before it "
-            "determine; written as NAME-1.json to NAME-K.json. symgen approach exports them.",
-            min=1,
-        ),
-    ] = 1
-    gain_error: Annotated[
-        float,
-        model_option(
-            metavar="SHARE",
-            help="Standard deviation of the torque gain of every joint in --until, relative to "
-            "one.",
-        ),
-    ] = 0.005
+    home: str | None = model_field(
+        metavar="Q",
+        help="Start and end position, one number per joint with commas, rad or m; default the "
+        "home of the robot.",
+    )
+    margin: float | None = method_field(help=MARGIN_HELP)
+    pictures: bool = output_field(
+        False,
+        "--pictures",
+        help="Write PNG files beside the JSON: motion and torque of every joint with limits, "
+        "velocity over position (-speed), path of the tip and distances (-space).",
+    )
+    until: str | None = method_field(
+        metavar="TARGET",
+        help='Find the shortest session with an expected standard deviation: "payload 5 g", '
+        "v=100mNm (torque of motions never seen) or a=10% (base parameters over their sizes). "
+        "It counts noise, friction, offsets, gains and model error. --duration and --criterion "
+        "follow.",
+    )
+    motions: int = method_field(
+        1,
+        "--motions",
+        metavar="K",
+        help="Number of motions that share --duration, each designed with what those before it "
+        "determine; written as NAME-1.json to NAME-K.json. symgen approach exports them.",
+        min=1,
+    )
+    gain_error: float = model_field(
+        0.005,
+        metavar="SHARE",
+        help="Standard deviation of the torque gain of every joint in --until, relative to one.",
+    )
 
     @property
     def search(self) -> dict[str, Any]:

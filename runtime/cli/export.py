@@ -2,13 +2,12 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from runtime.cli.common import listed, open_robot
 from runtime.cli.log_options import ResultChoices
-from runtime.common.settings import output_option
+from runtime.common.settings import output_field
 from runtime.common.terminal import completing, say
 from runtime.errors import ExportError
 from runtime.identification.model_identity import require_model
@@ -33,25 +32,18 @@ class ExportSettings(ResultChoices):
 
     command = "export"
     options = "to out robot overwrite formats"
-    to: Annotated[
-        str | None,
-        output_option(
-            metavar="A,B,…",
-            autocompletion=completing(EXPORT_FORMATS),
-            help=f"Formats with commas, of {', '.join(EXPORT_FORMATS)}; default all.",
-        ),
-    ] = None
-    out: Annotated[
-        Path | None,
-        output_option(metavar="FOLDER", help="Folder of the files; default RESULT/export."),
-    ] = None
-    overwrite: Annotated[bool, output_option("--overwrite", help="Replace existing files.")] = False
-    formats: Annotated[
-        bool,
-        output_option(
-            "--formats", callback=_list_formats, is_eager=True, help="List the formats and exit."
-        ),
-    ] = False
+    to: str | None = output_field(
+        metavar="A,B,…",
+        autocompletion=completing(EXPORT_FORMATS),
+        help=f"Formats with commas, of {', '.join(EXPORT_FORMATS)}; default all.",
+    )
+    out: Path | None = output_field(
+        metavar="FOLDER", help="Folder of the files; default RESULT/export."
+    )
+    overwrite: bool = output_field(False, "--overwrite", help="Replace existing files.")
+    formats: bool = output_field(
+        False, "--formats", callback=_list_formats, is_eager=True, help="List the formats and exit."
+    )
 
 
 def export_command(given: ExportSettings) -> None:

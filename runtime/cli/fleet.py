@@ -3,15 +3,14 @@
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import typer
 
 from runtime.cli.common import Overwrite, counting, open_robot
 from runtime.cli.log_options import OfResult
 from runtime.common.files import replacing, require_unused
-from runtime.common.settings import output_option, settings_place
+from runtime.common.settings import argument_field, method_field, output_field, settings_place
 from runtime.common.tables import Table, significant
 from runtime.common.terminal import say, show
 from runtime.common.threads import one_blas_thread
@@ -38,23 +37,15 @@ class FleetSettings(OfResult):
 
     command = "fleet"
     options = "out robot overwrite as_json"
-    folder: Annotated[
-        Path,
-        typer.Argument(
-            metavar="DIR", help="Folder with results of identify --settings save_statistics=true."
-        ),
-    ]
-    out: Annotated[Path, output_option(metavar="FILE", help="Prior of the type, as TOML.")] = Path(
-        "fleet.toml"
+    folder: Path = argument_field(
+        metavar="DIR", help="Folder with results of identify --settings save_statistics=true."
     )
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="tcp://HOST:PORT", help="Read the files on the workers of this dask cluster."
-        ),
-    ] = None
+    out: Path = output_field(Path("fleet.toml"), metavar="FILE", help="Prior of the type, as TOML.")
+    scheduler: str | None = method_field(
+        metavar="tcp://HOST:PORT", help="Read the files on the workers of this dask cluster."
+    )
     overwrite: Overwrite = False
-    as_json: Annotated[bool, output_option("--json", help="Print JSON instead.")] = False
+    as_json: bool = output_field(False, "--json", help="Print JSON instead.")
 
 
 @one_blas_thread

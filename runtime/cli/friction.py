@@ -2,12 +2,11 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 from runtime.cli.common import Overwrite, open_robot
 from runtime.cli.log_options import LaterLogChoices, Parts, split_of
 from runtime.common.files import require_unused
-from runtime.common.settings import FILE, output_option
+from runtime.common.settings import FILE, output_field
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, say, show
 from runtime.identification.identified import torque_errors
@@ -34,10 +33,9 @@ class FrictionSettings(LaterLogChoices):
 
     command = "friction"
     options = "robot out recipe run cutoff overwrite"
-    out: Annotated[
-        Path | None,
-        output_option(metavar="FOLDER", help="Folder of the result; default results/LOG-friction."),
-    ] = None
+    out: Path | None = output_field(
+        metavar="FOLDER", help="Folder of the result; default results/LOG-friction."
+    )
     split: Parts = None
     overwrite: Overwrite = False
 

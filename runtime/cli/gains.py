@@ -2,14 +2,12 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-import typer
 
 from runtime.cli.common import open_robot, write_recipe
 from runtime.cli.log_options import BodyChoices, CoulombSpeed
-from runtime.common.settings import data_option, model_option, output_option
+from runtime.common.settings import argument_field, data_field, model_field, output_field
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, completing, say, show
 from runtime.errors import IdentificationError, RecordingError
@@ -43,47 +41,32 @@ class GainsSettings(BodyChoices):
 
     command = "gains"
     options = "payload total_mass robot recipe run recipe_out overwrite"
-    empty: Annotated[str, typer.Argument(metavar="EMPTY", help="A log without payload.")]
-    loaded: Annotated[
-        str | None, typer.Argument(metavar="LOADED", help="A log with the known payload.")
-    ] = None
-    payload: Annotated[
-        str | None,
-        model_option(
-            metavar="KNOWN",
-            help="Known payload MASS,CX,CY,CZ in kg and m in the flange frame, with "
-            "IXX,IYY,IZZ,IXY,IXZ,IYZ about the centre of mass in kg·m² if known, or a JSON such as "
-            "payload.json.",
-        ),
-    ] = None
-    total_mass: Annotated[
-        float | None,
-        model_option(metavar="KG", help="With one log: weighed mass of all moving links together."),
-    ] = None
-    weighed: Annotated[
-        list[str] | None,
-        model_option(
-            metavar="LINK=KG", help="With one log: mass of a link from a scale; repeatable."
-        ),
-    ] = None
-    friction: Annotated[
-        str | None,
-        model_option(
-            metavar="COLUMNS|none",
-            autocompletion=completing((*COLUMNS, "none")),
-            help="Friction columns with commas; default from the recipe, else viscous,coulomb.",
-        ),
-    ] = None
-    coulomb_speed: CoulombSpeed = None
-    loaded_run: Annotated[str | None, data_option(help="Run of the loaded log; default --run.")] = (
-        None
+    empty: str = argument_field(metavar="EMPTY", help="A log without payload.")
+    loaded: str | None = argument_field(
+        None, metavar="LOADED", help="A log with the known payload."
     )
-    recipe_out: Annotated[
-        Path | None,
-        output_option(
-            metavar="FILE", help="Write a recipe with these gains, for identify --recipe."
-        ),
-    ] = None
+    payload: str | None = model_field(
+        metavar="KNOWN",
+        help="Known payload MASS,CX,CY,CZ in kg and m in the flange frame, with "
+        "IXX,IYY,IZZ,IXY,IXZ,IYZ about the centre of mass in kg·m² if known, or a JSON such as "
+        "payload.json.",
+    )
+    total_mass: float | None = model_field(
+        metavar="KG", help="With one log: weighed mass of all moving links together."
+    )
+    weighed: list[str] | None = model_field(
+        metavar="LINK=KG", help="With one log: mass of a link from a scale; repeatable."
+    )
+    friction: str | None = model_field(
+        metavar="COLUMNS|none",
+        autocompletion=completing((*COLUMNS, "none")),
+        help="Friction columns with commas; default from the recipe, else viscous,coulomb.",
+    )
+    coulomb_speed: CoulombSpeed = None
+    loaded_run: str | None = data_field(help="Run of the loaded log; default --run.")
+    recipe_out: Path | None = output_field(
+        metavar="FILE", help="Write a recipe with these gains, for identify --recipe."
+    )
 
 
 def gains_command(given: GainsSettings) -> None:

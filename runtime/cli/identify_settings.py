@@ -2,13 +2,17 @@
 
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from runtime.cli.common import numbers_option
 from runtime.cli.log_options import FitChoices, bundled_logs, inputs_of, prior_of, split_of
-from runtime.common.settings import data_option, model_option, output_option
+from runtime.common.settings import (
+    argument_field,
+    data_field,
+    method_field,
+    model_field,
+    output_field,
+)
 from runtime.common.terminal import completing
 from runtime.errors import IdentificationError
 from runtime.estimators.descent.fit import PRESETS
@@ -28,168 +32,113 @@ class IdentifySettings(FitChoices):
 
     command = "identify"
     options = "robot recipe run method friction cutoff delay prior split out overwrite"
-    logs: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="LOG...",
-            autocompletion=bundled_logs,
-            help="One or several logs: CSV, NPZ, Parquet, HDF5, MCAP or ROS bags, folders with a "
-            "recipe, or names of known data sets such as panda_gaz.",
-        ),
-    ]
-    method: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            autocompletion=completing(METHODS),
-            help=f"Estimator: {', '.join(METHODS)}; default map, with the setting preset adam.",
-        ),
-    ] = None
-    preset: Annotated[
-        str | None,
-        typer.Option(
-            metavar="|".join(PRESETS),
-            autocompletion=completing(PRESETS),
-            help="Settings of the method adam: simulation and real are Tables 5.1 and 5.8 of the "
-            "document, full uses all samples in every step; default full.",
-        ),
-    ] = None
-    prior: Annotated[
-        Path | None,
-        model_option(
-            metavar="FILE",
-            help="Inertial prior as TOML: uncertainty of the URDF, known masses, centres of mass "
-            "and symmetries.",
-        ),
-    ] = None
-    delay: Annotated[
-        str | None,
-        model_option(
-            metavar="S|auto|per-joint",
-            help="Delay of the torque, s: of a commanded torque behind its stamp, of a measured "
-            "one behind the motion; auto estimates it with its uncertainty, per-joint one for each "
-            "joint; default torque_delay_s of the recipe, else none.",
-        ),
-    ] = None
-    encoder_bias: Annotated[
-        bool | None,
-        model_option(
-            "--encoder-bias/--no-encoder-bias",
-            help="Estimate the error of the zero of every encoder, rad or m; default where --delay "
-            "estimates the delay of a commanded torque.",
-        ),
-    ] = None
-    symmetric: Annotated[
-        list[str] | None,
-        data_option(
-            metavar="LEFT:RIGHT",
-            help="Compare armature and friction of mirrored joints, whose names differ in these "
-            "parts, such as left:right or FL:FR; repeatable.",
-        ),
-    ] = None
-    tie: Annotated[
-        bool,
-        model_option(
-            "--tie",
-            help="With the setting symmetric: the right link is the mirror image of the left one, "
-            "and viscous friction and armature of both differ by a tenth; dry friction stays "
-            "apart.",
-        ),
-    ] = False
-    preparation: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE",
-            help="Recipe whose table [preparation] states every step, for a log that has another "
-            "recipe; cutoff, rate and regressor beside it have no place.",
-        ),
-    ] = None
-    validation: Annotated[
-        str | None,
-        typer.Option(metavar="LOG", help="Another log for validation, given together with test."),
-    ] = None
-    test: Annotated[
-        str | None,
-        typer.Option(
-            metavar="LOG", help="Another log for the test, so that LOG is not split, of one log."
-        ),
-    ] = None
-    lam0: Annotated[
-        str | None,
-        typer.Option(
-            metavar="λ,λ,…",
-            help="First guess of λ, ten numbers per link: ln m, centre of mass, logarithms and "
-            "angles of the inertia as in result.json; default that of the URDF.",
-        ),
-    ] = None
-    friction_prior: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Inertial prior as TOML of which the friction alone counts, for map; default that "
-            "of --prior.",
-        ),
-    ] = None
-    certify: Annotated[
-        bool,
-        typer.Option(
-            help="Compute the convex optimum and the uncertainty, which most other commands need."
-        ),
-    ] = True
-    rows: Annotated[
-        str | None,
-        typer.Option(
-            "--rows",
-            metavar="base|joints|all",
-            help="Equations of a robot with a free base: the six of the base, those of the joints, "
-            "or all; default all, and base without torques.",
-        ),
-    ] = None
-    robust: Annotated[
-        bool,
-        typer.Option(
-            "--robust",
-            help="Huber weights on blocks of training rows, for map, pc-ols, ols and wls; the "
-            "notes name the rows that count less.",
-        ),
-    ] = False
-    gain_sigma: Annotated[
-        float,
-        model_option(
-            help="Largest relative σ of the gain of every torque or current, that of the data "
-            "sheet; intervals of parameters contain it, or a smaller one that the log shows."
-        ),
-    ] = 0.02
-    payload_of: Annotated[
-        list[str] | None,
-        model_option(
-            metavar="LOG=FILE",
-            help="Known payload of one of several logs: the payload.json that the command payload "
-            "wrote; repeatable.",
-        ),
-    ] = None
-    refit: Annotated[
-        bool,
-        typer.Option(
-            help="Fit the parameters again to all rows once the errors on the test part are "
-            "known (methods without early stopping)."
-        ),
-    ] = True
-    save_statistics: Annotated[
-        bool,
-        output_option(
-            "--save-statistics", help="Write statistics.npz, the compressed log that fleet needs."
-        ),
-    ] = False
-    report: Annotated[
-        bool, output_option(help="Write report.html; its figures cost most of a second.")
-    ] = True
-    out: Annotated[
-        Path | None,
-        output_option(
-            "--out", metavar="FOLDER", help="Folder of the result; default results/LOG-METHOD."
-        ),
-    ] = None
+    logs: list[str] = argument_field(
+        metavar="LOG...",
+        autocompletion=bundled_logs,
+        help="One or several logs: CSV, NPZ, Parquet, HDF5, MCAP or ROS bags, folders with a "
+        "recipe, or names of known data sets such as panda_gaz.",
+    )
+    method: str | None = method_field(
+        metavar="NAME",
+        autocompletion=completing(METHODS),
+        help=f"Estimator: {', '.join(METHODS)}; default map, with the setting preset adam.",
+    )
+    preset: str | None = method_field(
+        metavar="|".join(PRESETS),
+        autocompletion=completing(PRESETS),
+        help="Settings of the method adam: simulation and real are Tables 5.1 and 5.8 of the "
+        "document, full uses all samples in every step; default full.",
+    )
+    prior: Path | None = model_field(
+        metavar="FILE",
+        help="Inertial prior as TOML: uncertainty of the URDF, known masses, centres of mass "
+        "and symmetries.",
+    )
+    delay: str | None = model_field(
+        metavar="S|auto|per-joint",
+        help="Delay of the torque, s: of a commanded torque behind its stamp, of a measured "
+        "one behind the motion; auto estimates it with its uncertainty, per-joint one for each "
+        "joint; default torque_delay_s of the recipe, else none.",
+    )
+    encoder_bias: bool | None = model_field(
+        None,
+        "--encoder-bias/--no-encoder-bias",
+        help="Estimate the error of the zero of every encoder, rad or m; default where --delay "
+        "estimates the delay of a commanded torque.",
+    )
+    symmetric: list[str] | None = data_field(
+        metavar="LEFT:RIGHT",
+        help="Compare armature and friction of mirrored joints, whose names differ in these "
+        "parts, such as left:right or FL:FR; repeatable.",
+    )
+    tie: bool = model_field(
+        False,
+        "--tie",
+        help="With the setting symmetric: the right link is the mirror image of the left one, "
+        "and viscous friction and armature of both differ by a tenth; dry friction stays "
+        "apart.",
+    )
+    preparation: str | None = method_field(
+        metavar="FILE",
+        help="Recipe whose table [preparation] states every step, for a log that has another "
+        "recipe; cutoff, rate and regressor beside it have no place.",
+    )
+    validation: str | None = method_field(
+        metavar="LOG", help="Another log for validation, given together with test."
+    )
+    test: str | None = method_field(
+        metavar="LOG", help="Another log for the test, so that LOG is not split, of one log."
+    )
+    lam0: str | None = method_field(
+        metavar="λ,λ,…",
+        help="First guess of λ, ten numbers per link: ln m, centre of mass, logarithms and "
+        "angles of the inertia as in result.json; default that of the URDF.",
+    )
+    friction_prior: Path | None = method_field(
+        metavar="FILE",
+        help="Inertial prior as TOML of which the friction alone counts, for map; default that "
+        "of --prior.",
+    )
+    certify: bool = method_field(
+        True, help="Compute the convex optimum and the uncertainty, which most other commands need."
+    )
+    rows: str | None = method_field(
+        None,
+        "--rows",
+        metavar="base|joints|all",
+        help="Equations of a robot with a free base: the six of the base, those of the joints, "
+        "or all; default all, and base without torques.",
+    )
+    robust: bool = method_field(
+        False,
+        "--robust",
+        help="Huber weights on blocks of training rows, for map, pc-ols, ols and wls; the "
+        "notes name the rows that count less.",
+    )
+    gain_sigma: float = model_field(
+        0.02,
+        help="Largest relative σ of the gain of every torque or current, that of the data "
+        "sheet; intervals of parameters contain it, or a smaller one that the log shows.",
+    )
+    payload_of: list[str] | None = model_field(
+        metavar="LOG=FILE",
+        help="Known payload of one of several logs: the payload.json that the command payload "
+        "wrote; repeatable.",
+    )
+    refit: bool = method_field(
+        True,
+        help="Fit the parameters again to all rows once the errors on the test part are "
+        "known (methods without early stopping).",
+    )
+    save_statistics: bool = output_field(
+        False,
+        "--save-statistics",
+        help="Write statistics.npz, the compressed log that fleet needs.",
+    )
+    report: bool = output_field(True, help="Write report.html; its figures cost most of a second.")
+    out: Path | None = output_field(
+        None, "--out", metavar="FOLDER", help="Folder of the result; default results/LOG-METHOD."
+    )
 
     def fitted(self, lib: Library) -> Settings:
         """Settings of Python: the fields of the same names, of which some are files."""

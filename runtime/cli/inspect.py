@@ -3,7 +3,7 @@
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import typer
@@ -11,7 +11,7 @@ import typer
 from runtime.cli.common import Overwrite, RobotChoices, open_robot, write_recipe
 from runtime.cli.log_options import Log, Run
 from runtime.common.files import require_unused
-from runtime.common.settings import data_option, output_option
+from runtime.common.settings import data_field, output_field
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, console, say, show
 from runtime.errors import RecordingError
@@ -29,36 +29,26 @@ class InspectSettings(RobotChoices):
     command = "inspect"
     options = "robot recipe run recipe_out plot overwrite as_json strict"
     log: Log
-    recipe: Annotated[
-        str | None,
-        data_option(
-            metavar="FILE",
-            help="TOML that describes the log; default the one that identify would use.",
-        ),
-    ] = None
+    recipe: str | None = data_field(
+        metavar="FILE", help="TOML that describes the log; default the one that identify would use."
+    )
     run: Run = None
-    recipe_out: Annotated[
-        Path | None,
-        output_option(
-            metavar="FILE",
-            help="Write the proposed recipe. Without --recipe it is derived from the log files "
-            "alone, and a recipe in their folder is ignored.",
-        ),
-    ] = None
-    log_rate: Annotated[
-        float | None,
-        data_option(help="Rate at which a log without time stamps was recorded, Hz.", min=1e-3),
-    ] = None
-    plot: Annotated[
-        Path | None,
-        output_option(metavar="FILE", help="Draw clock, motion and torque; .png, .pdf or .svg."),
-    ] = None
+    recipe_out: Path | None = output_field(
+        metavar="FILE",
+        help="Write the proposed recipe. Without --recipe it is derived from the log files "
+        "alone, and a recipe in their folder is ignored.",
+    )
+    log_rate: float | None = data_field(
+        help="Rate at which a log without time stamps was recorded, Hz.", min=1e-3
+    )
+    plot: Path | None = output_field(
+        metavar="FILE", help="Draw clock, motion and torque; .png, .pdf or .svg."
+    )
     overwrite: Overwrite = False
-    as_json: Annotated[bool, output_option("--json", help="Print JSON instead.")] = False
-    strict: Annotated[
-        bool,
-        output_option("--strict", help="Exit code 1 also for findings of the level information."),
-    ] = False
+    as_json: bool = output_field(False, "--json", help="Print JSON instead.")
+    strict: bool = output_field(
+        False, "--strict", help="Exit code 1 also for findings of the level information."
+    )
 
 
 def inspect_command(given: InspectSettings) -> None:

@@ -8,7 +8,15 @@ from typing import Annotated, Any
 import typer
 
 from runtime.cli.common import Overwrite, RobotChoices, Seed, Yes, numbers_option, robots
-from runtime.common.settings import Choices, data_option, model_option
+from runtime.common.settings import (
+    Choices,
+    argument_field,
+    data_field,
+    data_option,
+    method_field,
+    model_field,
+    model_option,
+)
 from runtime.common.terminal import completing
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import METHODS
@@ -97,18 +105,14 @@ class BodyChoices(LogChoices):
     """A log of a body on a link."""
 
     rate: Rate = None
-    link: Annotated[
-        str | None,
-        model_option("--link", help="Link that carries the payload; default the link of the tip."),
-    ] = None
-    cutoff: Annotated[
-        float | None,
-        typer.Option(
-            metavar="HZ",
-            help="Cut-off of the zero-phase low-pass of q, dq and tau, Hz; default from the "
-            "recipe, else no filter.",
-        ),
-    ] = None
+    link: str | None = model_field(
+        None, "--link", help="Link that carries the payload; default the link of the tip."
+    )
+    cutoff: float | None = method_field(
+        metavar="HZ",
+        help="Cut-off of the zero-phase low-pass of q, dq and tau, Hz; default from the "
+        "recipe, else no filter.",
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,47 +120,36 @@ class FitChoices(LogChoices):
     """A log that parameters are fitted to."""
 
     rate: Rate = None
-    friction: Annotated[
-        str | None,
-        model_option(
-            metavar="COLUMNS|auto|none",
-            autocompletion=completing((*COLUMNS, AUTO, "none")),
-            help="Friction columns with commas, of "
-            f"{', '.join(COLUMNS)}; auto chooses them by cross-validation, 'auto,rotor' adds a "
-            "column to every candidate, none fits the inertia only; default from the recipe, else "
-            "identify and compare choose among offset, viscous, coulomb and rotor by "
-            "cross-validation.",
-        ),
-    ] = None
+    friction: str | None = model_field(
+        metavar="COLUMNS|auto|none",
+        autocompletion=completing((*COLUMNS, AUTO, "none")),
+        help="Friction columns with commas, of "
+        f"{', '.join(COLUMNS)}; auto chooses them by cross-validation, 'auto,rotor' adds a "
+        "column to every candidate, none fits the inertia only; default from the recipe, else "
+        "identify and compare choose among offset, viscous, coulomb and rotor by "
+        "cross-validation.",
+    )
     coulomb_speed: CoulombSpeed = None
     cutoff: Cutoff = None
-    regressor: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FORM",
-            help=f"Form of the equations, of {', '.join((*REGRESSORS, AUTO))}: acceleration "
-            "needs ddq, momentum does not, energy gives one row for all joints and less "
-            "information; auto takes momentum where the differentiation of dq fails. Default from "
-            "the recipe, else acceleration.",
-        ),
-    ] = None
+    regressor: str | None = method_field(
+        metavar="FORM",
+        help=f"Form of the equations, of {', '.join((*REGRESSORS, AUTO))}: acceleration "
+        "needs ddq, momentum does not, energy gives one row for all joints and less "
+        "information; auto takes momentum where the differentiation of dq fails. Default from "
+        "the recipe, else acceleration.",
+    )
     split: Parts = None
-    controller: Annotated[
-        Path | None,
-        model_option(
-            metavar="FILE",
-            help="TOML with the controller's gains and the reference motion, which the methods iv "
-            "and didim need; simulate writes one as LOG.loop.toml.",
-        ),
-    ] = None
-    stream: Annotated[
-        bool | None,
-        data_option(
-            "--stream/--no-stream",
-            help="Read the log block by block instead of as a whole; default for NPZ, Parquet, CSV "
-            "and bags above 200 MB.",
-        ),
-    ] = None
+    controller: Path | None = model_field(
+        metavar="FILE",
+        help="TOML with the controller's gains and the reference motion, which the methods iv "
+        "and didim need; simulate writes one as LOG.loop.toml.",
+    )
+    stream: bool | None = data_field(
+        None,
+        "--stream/--no-stream",
+        help="Read the log block by block instead of as a whole; default for NPZ, Parquet, CSV "
+        "and bags above 200 MB.",
+    )
     seed: Seed = 0
 
 
@@ -164,12 +157,9 @@ class FitChoices(LogChoices):
 class OfResult(Choices):
     """The robot of a result."""
 
-    robot: Annotated[
-        str | None,
-        data_option(
-            autocompletion=robots, help="Name or folder of the robot; default that of the result."
-        ),
-    ] = None
+    robot: str | None = data_field(
+        autocompletion=robots, help="Name or folder of the robot; default that of the result."
+    )
     yes: Yes = False
 
 
@@ -177,39 +167,30 @@ class OfResult(Choices):
 class ResultChoices(OfResult):
     """A result of identify."""
 
-    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder written by identify.")]
+    result: Path = argument_field(metavar="RESULT", help="Folder written by identify.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LaterLogChoices(ResultChoices):
     """A result of identify and another log, prepared in the same way unless it is stated."""
 
-    log: Annotated[
-        str,
-        typer.Argument(
-            metavar="LOG",
-            autocompletion=bundled_logs,
-            help="Another log of the same robot, of any length.",
-        ),
-    ]
+    log: str = argument_field(
+        metavar="LOG",
+        autocompletion=bundled_logs,
+        help="Another log of the same robot, of any length.",
+    )
     recipe: Recipe = None
     run: Run = None
-    cutoff: Annotated[
-        float | None,
-        typer.Option(
-            metavar="HZ",
-            help="Cut-off of the zero-phase low-pass of q, dq and tau, Hz; default from the "
-            "recipe, else that of identify.",
-        ),
-    ] = None
-    rate: Annotated[
-        float | None,
-        data_option(
-            metavar="HZ",
-            help="Rate of rows to which the log is decimated, Hz; default from the recipe, else "
-            "that of identify.",
-        ),
-    ] = None
+    cutoff: float | None = method_field(
+        metavar="HZ",
+        help="Cut-off of the zero-phase low-pass of q, dq and tau, Hz; default from the "
+        "recipe, else that of identify.",
+    )
+    rate: float | None = data_field(
+        metavar="HZ",
+        help="Rate of rows to which the log is decimated, Hz; default from the recipe, else "
+        "that of identify.",
+    )
 
 
 def split_of(text: str | None) -> Split | None:

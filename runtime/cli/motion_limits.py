@@ -2,14 +2,13 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import typer
 
 from runtime.cli.common import RobotChoices, numbers_option
 from runtime.common.files import json_of
-from runtime.common.settings import model_option
+from runtime.common.settings import method_field, model_field
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.estimators.convex.entropic_prior import bodies_of, prior_of
 from runtime.estimators.prior_file import TRUST
@@ -42,37 +41,25 @@ NO_TABLE = "none"
 class PlaceChoices(RobotChoices):
     """Places that a moving robot keeps away from."""
 
-    table: Annotated[
-        str | None,
-        model_option(
-            metavar="Z",
-            help="Height of a table that the arm stays above, m in the base frame; none where "
-            "there is no table. --export needs one of both.",
-        ),
-    ] = None
-    box: Annotated[
-        str | None,
-        model_option(
-            metavar="BOX",
-            help="XMIN,XMAX,YMIN,YMAX,ZMIN,ZMAX of a box that the tip stays in, m in the base "
-            "frame; inf leaves a side open.",
-        ),
-    ] = None
-    clearance: Annotated[
-        float | None,
-        model_option(
-            help="Least distance between links, above the table and from obstacles, m; default the "
-            f"margins of the robot, {TABLE_MARGIN:g} above the table and from obstacles."
-        ),
-    ] = None
-    obstacles: Annotated[
-        Path | None,
-        model_option(
-            metavar="FILE",
-            help="TOML of obstacles that the links keep away from: tables [\\[obstacle]] with "
-            "name, center, size (edges), rpy and radius, m and rad in the base frame.",
-        ),
-    ] = None
+    table: str | None = model_field(
+        metavar="Z",
+        help="Height of a table that the arm stays above, m in the base frame; none where "
+        "there is no table. --export needs one of both.",
+    )
+    box: str | None = model_field(
+        metavar="BOX",
+        help="XMIN,XMAX,YMIN,YMAX,ZMIN,ZMAX of a box that the tip stays in, m in the base "
+        "frame; inf leaves a side open.",
+    )
+    clearance: float | None = model_field(
+        help="Least distance between links, above the table and from obstacles, m; default the "
+        f"margins of the robot, {TABLE_MARGIN:g} above the table and from obstacles."
+    )
+    obstacles: Path | None = model_field(
+        metavar="FILE",
+        help="TOML of obstacles that the links keep away from: tables [\\[obstacle]] with "
+        "name, center, size (edges), rpy and radius, m and rad in the base frame.",
+    )
 
     @property
     def has_no_table(self) -> bool:
@@ -94,60 +81,42 @@ class PlaceChoices(RobotChoices):
 class LimitChoices(PlaceChoices):
     """Limits of a designed motion."""
 
-    unchecked: Annotated[
-        list[str] | None,
-        model_option(
-            metavar="LIMIT",
-            help="Limit that --export may leave unchecked; repeatable: self-collision, table, "
-            "carried-body, springs-of-unknown-stiffness; with --settings document=true torque, "
-            "position-dependent-velocity, torque-rate and tip-speed too; all for every one.",
-        ),
-    ] = None
-    carry: Annotated[str | None, model_option(metavar="BODY", help=CARRY)] = None
-    torque_fraction: Annotated[
-        float, model_option(help="Fraction of the torque limits that the motion may use, 0 to 1.")
-    ] = 0.95
-    viscous: Annotated[
-        str | None,
-        model_option(
-            metavar="FV",
-            help="Viscous friction in the torque limits, N·m·s/rad or N·s/m: one number or one per "
-            "joint with commas; default 0.",
-        ),
-    ] = None
-    coulomb: Annotated[
-        str | None,
-        model_option(
-            metavar="FC",
-            help="Coulomb friction in the torque limits, N·m or N: one number or one per joint "
-            "with commas; default 0.",
-        ),
-    ] = None
-    payload_band: Annotated[
-        str | None,
-        typer.Option(
-            metavar="MASS,REACH",
-            help="The limits of torques hold for every payload that differs from --carry, or from "
-            "an empty hand, by masses of ± MASS kg in all within REACH m of its centre, or of the "
-            "tip.",
-        ),
-    ] = None
-    friction_band: Annotated[
-        float | None,
-        typer.Option(
-            metavar="PERCENT",
-            help="The limits of torques hold for --settings viscous=FV and the setting coulomb ± "
-            "PERCENT of both.",
-        ),
-    ] = None
-    model_band: Annotated[
-        str | None,
-        typer.Option(
-            metavar="TRUST",
-            help="The limits of torques hold for all link parameters within the 95 % intervals of "
-            "the inertial prior around the URDF: cad, gripper, none, or the trust κ itself.",
-        ),
-    ] = None
+    unchecked: list[str] | None = model_field(
+        metavar="LIMIT",
+        help="Limit that --export may leave unchecked; repeatable: self-collision, table, "
+        "carried-body, springs-of-unknown-stiffness; with --settings document=true torque, "
+        "position-dependent-velocity, torque-rate and tip-speed too; all for every one.",
+    )
+    carry: str | None = model_field(metavar="BODY", help=CARRY)
+    torque_fraction: float = model_field(
+        0.95, help="Fraction of the torque limits that the motion may use, 0 to 1."
+    )
+    viscous: str | None = model_field(
+        metavar="FV",
+        help="Viscous friction in the torque limits, N·m·s/rad or N·s/m: one number or one per "
+        "joint with commas; default 0.",
+    )
+    coulomb: str | None = model_field(
+        metavar="FC",
+        help="Coulomb friction in the torque limits, N·m or N: one number or one per joint "
+        "with commas; default 0.",
+    )
+    payload_band: str | None = method_field(
+        metavar="MASS,REACH",
+        help="The limits of torques hold for every payload that differs from --carry, or from "
+        "an empty hand, by masses of ± MASS kg in all within REACH m of its centre, or of the "
+        "tip.",
+    )
+    friction_band: float | None = method_field(
+        metavar="PERCENT",
+        help="The limits of torques hold for --settings viscous=FV and the setting coulomb ± "
+        "PERCENT of both.",
+    )
+    model_band: str | None = method_field(
+        metavar="TRUST",
+        help="The limits of torques hold for all link parameters within the 95 % intervals of "
+        "the inertial prior around the URDF: cad, gripper, none, or the trust κ itself.",
+    )
 
     @property
     def accepted(self) -> list[str]:

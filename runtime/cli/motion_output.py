@@ -3,15 +3,13 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-import typer
 
 from runtime.cli.common import Overwrite, Seed, sentences_of
 from runtime.cli.motion_limits import LimitChoices
 from runtime.common.files import require_unused
-from runtime.common.settings import output_option, settings_place
+from runtime.common.settings import method_field, output_field, settings_place
 from runtime.common.tables import Table
 from runtime.common.terminal import completing, say, show
 from runtime.errors import RuntimeFault
@@ -50,34 +48,25 @@ ROWS_HZ = 1000.0
 class MotionChoices(LimitChoices):
     """Limits of a motion, and its files for a robot."""
 
-    from_pose: Annotated[str | None, typer.Option("--from", metavar="POSE", help=FROM)] = None
-    returns: Annotated[
-        bool, typer.Option("--return", help="Go back to the pose of --from after the motion.")
-    ] = False
-    export: Annotated[
-        list[str] | None,
-        output_option(
-            metavar="FORMAT",
-            autocompletion=completing(MOTION_FORMATS),
-            help="Files for a robot with ways and motion in one, written only if the certificate "
-            f"holds; repeatable. {sentences_of(MOTION_FORMATS)}.",
-        ),
-    ] = None
-    export_rate: Annotated[
-        float | None,
-        output_option(
-            help="Rate of the rows of files, Hz; default 1000, for ros 25. libfranka has 1000 Hz "
-            "always."
-        ),
-    ] = None
-    speed: Annotated[
-        list[float] | None,
-        output_option(
-            help="Speed of a stage in % of the designed speed, on the same path; "
-            "repeatable, each with its own certificate: 10, 50 and 100 are three stages to try on "
-            "a robot. File names end in -speed10. Default 100."
-        ),
-    ] = None
+    from_pose: str | None = method_field(None, "--from", metavar="POSE", help=FROM)
+    returns: bool = method_field(
+        False, "--return", help="Go back to the pose of --from after the motion."
+    )
+    export: list[str] | None = output_field(
+        metavar="FORMAT",
+        autocompletion=completing(MOTION_FORMATS),
+        help="Files for a robot with ways and motion in one, written only if the certificate "
+        f"holds; repeatable. {sentences_of(MOTION_FORMATS)}.",
+    )
+    export_rate: float | None = output_field(
+        help="Rate of the rows of files, Hz; default 1000, for ros 25. libfranka has 1000 Hz "
+        "always."
+    )
+    speed: list[float] | None = output_field(
+        help="Speed of a stage in % of the designed speed, on the same path; "
+        "repeatable, each with its own certificate: 10, 50 and 100 are three stages to try on "
+        "a robot. File names end in -speed10. Default 100."
+    )
     seed: Seed = 0
     overwrite: Overwrite = False
 

@@ -4,10 +4,9 @@ import json
 from collections import Counter
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import typer
 
 from runtime.cli.common import (
     Overwrite,
@@ -18,7 +17,7 @@ from runtime.cli.common import (
 )
 from runtime.cli.log_options import Log, OfResult, Recipe, Run
 from runtime.common.files import replacing
-from runtime.common.settings import FILE, data_option, model_option, output_option
+from runtime.common.settings import FILE, data_field, method_field, model_field, output_field
 from runtime.common.tables import Table, significant
 from runtime.common.terminal import command_line, say, show
 from runtime.errors import ExportError, IdentificationError
@@ -74,52 +73,38 @@ class ObserveSettings(OfResult):
     command = "observe"
     options = "model out free robot overwrite recipe run as_json"
     log: Log
-    model: Annotated[
-        Path, data_option("--model", metavar="RESULT", help="Folder written by identify.")
-    ]
-    false_alarms: Annotated[
-        str,
-        typer.Option(
-            metavar="RATE",
-            help="Rate of false alarms of all joints together: '1 per hour', '2 per day'.",
-        ),
-    ] = "1 per hour"
-    out: Annotated[
-        Path | None,
-        output_option(metavar="DIR", help="Folder of the files; default RESULT/observe."),
-    ] = None
-    free: Annotated[
-        str | None,
-        typer.Option(metavar="LOG", help="A log without contacts, on which the rate is verified."),
-    ] = None
-    calibrate: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="LOG",
-            help="A log without contacts, from whose residuals thresholds are fitted; may be given "
-            "again.",
-        ),
-    ] = None
-    link: Annotated[
-        str | None,
-        model_option(metavar="LINK", help="Link that is touched: its contact wrench is computed."),
-    ] = None
-    within: Annotated[
-        float | None,
-        typer.Option(
-            metavar="S",
-            help=f"Time in which the observer shows 95 % of a contact, s; default {WITHIN_S:g}, or "
-            "three samples.",
-        ),
-    ] = None
-    mcap: Annotated[
-        bool,
-        output_option("--mcap", help="Write the torques as MCAP too, with a PlotJuggler layout."),
-    ] = False
+    model: Path = data_field(..., "--model", metavar="RESULT", help="Folder written by identify.")
+    false_alarms: str = method_field(
+        "1 per hour",
+        metavar="RATE",
+        help="Rate of false alarms of all joints together: '1 per hour', '2 per day'.",
+    )
+    out: Path | None = output_field(
+        metavar="DIR", help="Folder of the files; default RESULT/observe."
+    )
+    free: str | None = method_field(
+        metavar="LOG", help="A log without contacts, on which the rate is verified."
+    )
+    calibrate: list[str] | None = method_field(
+        metavar="LOG",
+        help="A log without contacts, from whose residuals thresholds are fitted; may be given "
+        "again.",
+    )
+    link: str | None = model_field(
+        metavar="LINK", help="Link that is touched: its contact wrench is computed."
+    )
+    within: float | None = method_field(
+        metavar="S",
+        help=f"Time in which the observer shows 95 % of a contact, s; default {WITHIN_S:g}, or "
+        "three samples.",
+    )
+    mcap: bool = output_field(
+        False, "--mcap", help="Write the torques as MCAP too, with a PlotJuggler layout."
+    )
     overwrite: Overwrite = False
     recipe: Recipe = None
     run: Run = None
-    as_json: Annotated[bool, output_option("--json", help="Print JSON instead.")] = False
+    as_json: bool = output_field(False, "--json", help="Print JSON instead.")
 
 
 def observe_command(given: ObserveSettings) -> None:

@@ -3,13 +3,10 @@
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from runtime.cli.common import ResultFolder, keep_earlier, open_robot, require_result_folder
 from runtime.cli.log_options import BodyChoices
-from runtime.common.settings import FILE, data_option, model_option, output_option
+from runtime.common.settings import FILE, argument_field, data_field, model_field, output_field
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, say, show
 from runtime.estimators.regression.samples import NORMAL_95
@@ -31,38 +28,27 @@ class PayloadSettings(BodyChoices):
 
     command = "payload"
     options = "robot empty model out recipe run overwrite as_json"
-    log: Annotated[str, typer.Argument(metavar="LOG", help="A log of the arm with the payload.")]
-    empty: Annotated[
-        str | None,
-        data_option(
-            metavar="LOG",
-            help="A log of the same motion without payload; friction and bias then cancel.",
-        ),
-    ] = None
-    model: Annotated[
-        Path | None,
-        data_option(
-            metavar="FOLDER",
-            help="Folder written by identify for the arm without payload; default the URDF without "
-            "friction.",
-        ),
-    ] = None
-    out: Annotated[
-        Path | None,
-        output_option(metavar="FOLDER", help="Folder of the result; default results/LOG-payload."),
-    ] = None
-    empty_run: Annotated[
-        str | None, data_option(help="Run of the log without payload; default --run.")
-    ] = None
-    gain_error: Annotated[
-        float,
-        model_option(
-            metavar="SHARE",
-            help="Standard deviation of the torque gain of every joint, relative to one, which the "
-            "intervals include; 0.05 for 5 %.",
-        ),
-    ] = 0.0
-    as_json: Annotated[bool, output_option("--json", help="Print payload.json instead.")] = False
+    log: str = argument_field(metavar="LOG", help="A log of the arm with the payload.")
+    empty: str | None = data_field(
+        metavar="LOG",
+        help="A log of the same motion without payload; friction and bias then cancel.",
+    )
+    model: Path | None = data_field(
+        metavar="FOLDER",
+        help="Folder written by identify for the arm without payload; default the URDF without "
+        "friction.",
+    )
+    out: Path | None = output_field(
+        metavar="FOLDER", help="Folder of the result; default results/LOG-payload."
+    )
+    empty_run: str | None = data_field(help="Run of the log without payload; default --run.")
+    gain_error: float = model_field(
+        0.0,
+        metavar="SHARE",
+        help="Standard deviation of the torque gain of every joint, relative to one, which the "
+        "intervals include; 0.05 for 5 %.",
+    )
+    as_json: bool = output_field(False, "--json", help="Print payload.json instead.")
 
 
 def payload_command(given: PayloadSettings) -> None:

@@ -4,10 +4,8 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-import typer
 
 from runtime.cli.common import counting, open_robot, state
 from runtime.cli.log_options import Cutoff, LogChoices, Rate, bundled_logs
@@ -22,7 +20,13 @@ from runtime.cli.planned_log import (
 )
 from runtime.cli.shown_progress import ShownProgress
 from runtime.common.files import require_unused
-from runtime.common.settings import data_option, model_option, output_option
+from runtime.common.settings import (
+    argument_field,
+    data_field,
+    method_field,
+    model_field,
+    output_field,
+)
 from runtime.common.tables import Table
 from runtime.common.terminal import completing, say, show
 from runtime.errors import IdentificationError
@@ -69,65 +73,44 @@ class PredictSettings(LogChoices):
 
     command = "predict"
     options = "robot noise more recipe cutoff overwrite as_json"
-    trajectory: Annotated[
-        str,
-        typer.Argument(
-            metavar="MOTION",
-            autocompletion=bundled_logs,
-            help="A motion written by excite (.json), or a log.",
-        ),
-    ]
-    noise: Annotated[
-        str | None,
-        model_option(
-            metavar="σ|LOG",
-            help=f"{NOISE_HELP}; default from the residuals of MOTION where it is a log with "
-            f"torque, else {NOISE:g}.",
-        ),
-    ] = None
-    log_rate: Annotated[
-        float | None,
-        data_option(
-            help="Rate at which the robot will record a planned motion, Hz; default "
-            f"{RATE:g}, after a log the rate of its rows."
-        ),
-    ] = None
-    friction: Annotated[
-        str | None,
-        model_option(
-            metavar="COLUMNS",
-            autocompletion=completing(COLUMNS),
-            help="Friction columns that are estimated too, with commas, or none; default from the "
-            f"recipe, else {','.join(FRICTION)}.",
-        ),
-    ] = None
+    trajectory: str = argument_field(
+        metavar="MOTION",
+        autocompletion=bundled_logs,
+        help="A motion written by excite (.json), or a log.",
+    )
+    noise: str | None = model_field(
+        metavar="σ|LOG",
+        help=f"{NOISE_HELP}; default from the residuals of MOTION where it is a log with "
+        f"torque, else {NOISE:g}.",
+    )
+    log_rate: float | None = data_field(
+        help="Rate at which the robot will record a planned motion, Hz; default "
+        f"{RATE:g}, after a log the rate of its rows."
+    )
+    friction: str | None = model_field(
+        metavar="COLUMNS",
+        autocompletion=completing(COLUMNS),
+        help="Friction columns that are estimated too, with commas, or none; default from the "
+        f"recipe, else {','.join(FRICTION)}.",
+    )
     payload_only: PayloadOnly = False
     earlier_log: EarlierLogs = None
-    gain_error: Annotated[
-        float | None,
-        model_option(
-            metavar="SHARE",
-            help="Standard deviation of the torque gain of every joint, relative to one, for the "
-            f"σ of predicted torque; residuals hardly show it. Default {ModelError().gain:g}.",
-        ),
-    ] = None
-    more: Annotated[
-        str | None,
-        typer.Option(
-            metavar=f"MOTION|{SAME}",
-            help=f"Show what {', '.join(f'{s:g}' for s in SECONDS)} s of recording would add, "
-            f"with the {SAME} motion again or with another motion or log.",
-        ),
-    ] = None
+    gain_error: float | None = model_field(
+        metavar="SHARE",
+        help="Standard deviation of the torque gain of every joint, relative to one, for the "
+        f"σ of predicted torque; residuals hardly show it. Default {ModelError().gain:g}.",
+    )
+    more: str | None = method_field(
+        metavar=f"MOTION|{SAME}",
+        help=f"Show what {', '.join(f'{s:g}' for s in SECONDS)} s of recording would add, "
+        f"with the {SAME} motion again or with another motion or log.",
+    )
     cutoff: Cutoff = None
     rate: Rate = None
-    plot: Annotated[
-        Path | None,
-        output_option(metavar="FILE", help="Draw σ over the recording time; .png, .pdf or .svg."),
-    ] = None
-    as_json: Annotated[bool, output_option("--json", help="Print JSON in SI units instead.")] = (
-        False
+    plot: Path | None = output_field(
+        metavar="FILE", help="Draw σ over the recording time; .png, .pdf or .svg."
     )
+    as_json: bool = output_field(False, "--json", help="Print JSON in SI units instead.")
 
 
 def predict_command(given: PredictSettings) -> None:

@@ -3,13 +3,10 @@
 import webbrowser
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from runtime.cli.common import Overwrite, require_page
 from runtime.common.files import require_unused
-from runtime.common.settings import Choices, output_option
+from runtime.common.settings import Choices, argument_field, output_field
 from runtime.common.terminal import command_line, say
 from runtime.errors import IdentificationError
 from runtime.outputs.report.report import REPORT_KINDS, write_report
@@ -22,37 +19,26 @@ class ReportSettings(Choices):
 
     command = "report"
     options = "out open overwrite"
-    results: Annotated[
-        Path,
-        typer.Argument(
-            metavar="RESULTS",
-            help="Folder written by identify, compare or reproduce, or a history of watch.",
-        ),
-    ]
-    out: Annotated[
-        Path | None,
-        output_option(metavar="FILE", help="HTML page; default report.html in the folder."),
-    ] = None
-    markdown: Annotated[
-        Path | None,
-        output_option(metavar="FILE", help="Write all tables of reproduce as Markdown, too."),
-    ] = None
-    figures: Annotated[
-        Path | None,
-        output_option(metavar="FOLDER", help="Write all figures of reproduce as PNG, too."),
-    ] = None
-    into: Annotated[
-        Path | None,
-        output_option(
-            metavar="FILE.md",
-            help="Write the tables between the markers <!-- reproduce --> of this Markdown file, "
-            "with three pictures in the folder images beside it.",
-        ),
-    ] = None
-    readme: Annotated[
-        bool, output_option("--readme", help="The same as --settings into=README.md.")
-    ] = False
-    open: Annotated[bool, output_option("--open", help="Show the page in the web browser.")] = False
+    results: Path = argument_field(
+        metavar="RESULTS",
+        help="Folder written by identify, compare or reproduce, or a history of watch.",
+    )
+    out: Path | None = output_field(
+        metavar="FILE", help="HTML page; default report.html in the folder."
+    )
+    markdown: Path | None = output_field(
+        metavar="FILE", help="Write all tables of reproduce as Markdown, too."
+    )
+    figures: Path | None = output_field(
+        metavar="FOLDER", help="Write all figures of reproduce as PNG, too."
+    )
+    into: Path | None = output_field(
+        metavar="FILE.md",
+        help="Write the tables between the markers <!-- reproduce --> of this Markdown file, "
+        "with three pictures in the folder images beside it.",
+    )
+    readme: bool = output_field(False, "--readme", help="The same as --settings into=README.md.")
+    open: bool = output_field(False, "--open", help="Show the page in the web browser.")
     overwrite: Overwrite = False
 
 

@@ -7,14 +7,14 @@ from collections.abc import Iterator
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
 from runtime.cli.common import Yes
 from runtime.common.commands import GROUPS, imported
 from runtime.common.files import bytes_of, json_of, toml_of
-from runtime.common.settings import FILE, Choices, settings_place
+from runtime.common.settings import FILE, Choices, argument_field, settings_place
 from runtime.common.terminal import say
 from runtime.errors import RuntimeFault
 
@@ -30,9 +30,7 @@ class RerunSettings(Choices):
 
     command = "rerun"
     options = ""
-    result: Annotated[
-        Path, typer.Argument(metavar="RESULT", help=f"Folder or file with a {FILE} beside it.")
-    ]
+    result: Path = argument_field(metavar="RESULT", help=f"Folder or file with a {FILE} beside it.")
     yes: Yes = False
 
 

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from runtime.cli.common import (
     require_result_folder,
 )
 from runtime.cli.log_options import ResultChoices
-from runtime.common.settings import FILE, output_option
+from runtime.common.settings import FILE, output_field
 from runtime.common.tables import significant
 from runtime.common.terminal import completing, console, say
 from runtime.errors import IdentificationError
@@ -46,21 +45,18 @@ class SampleSettings(ResultChoices):
 
     command = "sample"
     options = "count to out robot overwrite"
-    count: Annotated[int, output_option(metavar="N", help="Number of models.")] = 100
-    to: Annotated[
-        str,
-        output_option(
-            metavar="A,B,…",
-            autocompletion=completing((*EXPORT_FORMATS, *RANDOMISERS)),
-            help="Formats with commas, such as mjcf,urdf, and files that a training run imports: "
-            "playground, mjlab, isaaclab, json.",
-        ),
-    ] = "mjcf"
+    count: int = output_field(100, metavar="N", help="Number of models.")
+    to: str = output_field(
+        "mjcf",
+        metavar="A,B,…",
+        autocompletion=completing((*EXPORT_FORMATS, *RANDOMISERS)),
+        help="Formats with commas, such as mjcf,urdf, and files that a training run imports: "
+        "playground, mjlab, isaaclab, json.",
+    )
     seed: Seed = 0
-    out: Annotated[
-        Path | None,
-        output_option(metavar="DIR", help="Folder of the files; default RESULT/samples."),
-    ] = None
+    out: Path | None = output_field(
+        metavar="DIR", help="Folder of the files; default RESULT/samples."
+    )
     overwrite: Overwrite = False
 
 

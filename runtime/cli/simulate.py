@@ -6,16 +6,21 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import typer
 from numpy.typing import ArrayLike
 from rich.progress import Progress
 
 from runtime.cli.common import Overwrite, RobotChoices, Seed, open_robot
 from runtime.common.files import replacing, require_unused
-from runtime.common.settings import data_option, model_option, output_option, settings_place
+from runtime.common.settings import (
+    data_field,
+    method_field,
+    model_field,
+    output_field,
+    settings_place,
+)
 from runtime.common.terminal import console, say
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
@@ -65,79 +70,51 @@ class SimulateSettings(RobotChoices):
 
     command = "simulate"
     options = "robot trajectory out engine seed payload exact overwrite"
-    trajectory: Annotated[
-        Path | None,
-        data_option(
-            metavar="FILE", help="Motion written by excite; default a design with one start."
-        ),
-    ] = None
-    out: Annotated[
-        Path | None,
-        output_option(
-            metavar="FILE", help="Log as CSV or NPZ; default results/ROBOT-simulated.csv."
-        ),
-    ] = None
-    engine: Annotated[
-        Engine | None,
-        typer.Option(
-            help="compiled: compiled dynamics, linear friction, white noise. mujoco: effects of a "
-            "real robot, see above; default with a payload, virtual_robot or truth_seed."
-        ),
-    ] = None
-    keep_every: Annotated[int, typer.Option(help="Record every n-th sample only.", min=1)] = 1
+    trajectory: Path | None = data_field(
+        metavar="FILE", help="Motion written by excite; default a design with one start."
+    )
+    out: Path | None = output_field(
+        metavar="FILE", help="Log as CSV or NPZ; default results/ROBOT-simulated.csv."
+    )
+    engine: Engine | None = method_field(
+        help="compiled: compiled dynamics, linear friction, white noise. mujoco: effects of a "
+        "real robot, see above; default with a payload, virtual_robot or truth_seed."
+    )
+    keep_every: int = method_field(1, help="Record every n-th sample only.", min=1)
     seed: Seed = 0
-    payload: Annotated[
-        str | None,
-        model_option(
-            metavar="MASS,CX,CY,CZ[,LX,LY,LZ]",
-            help="mujoco: a box as payload, in kg and m in the frame of the last link; or a TOML "
-            "file.",
-        ),
-    ] = None
-    virtual_robot: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="mujoco: TOML whose entries replace those of the robot: friction, sensors, delay.",
-        ),
-    ] = None
-    truth_seed: Annotated[
-        int,
-        typer.Option(
-            help="mujoco: seed of the true robot; --seed is that of the noise.",
-            min=0,
-            max=2**63 - 1,
-        ),
-    ] = 0
-    exact: Annotated[
-        bool, typer.Option("--ideal", help="Follow the trajectory exactly, without a controller.")
-    ] = False
-    perturb: Annotated[
-        float, model_option(help="Fraction by which each λ of the URDF differs in the true robot.")
-    ] = 0.05
-    control_rate: Annotated[
-        float | None,
-        typer.Option(
-            help="Rate of the controller and of the rows before the setting keep_every, Hz; "
-            "default 1000, with --ideal 100."
-        ),
-    ] = None
-    torque_noise: Annotated[
-        float, model_option(help="Standard deviation of the torque noise, N·m or N.")
-    ] = 0.05
-    position_noise: Annotated[
-        float, model_option(help="Standard deviation of the position noise, rad or m.")
-    ] = 1e-5
-    velocity_noise: Annotated[
-        float, model_option(help="Standard deviation of the velocity noise, rad/s or m/s.")
-    ] = 1e-3
-    viscous: Annotated[
-        float, model_option(help="Viscous friction of every joint, N·m·s/rad or N·s/m.")
-    ] = 0.0
-    coulomb: Annotated[float, model_option(help="Coulomb friction of every joint, N·m or N.")] = 0.0
-    rotor: Annotated[
-        float, model_option(help="Motor inertia reflected to the joint, kg·m² or kg.")
-    ] = 0.1
+    payload: str | None = model_field(
+        metavar="MASS,CX,CY,CZ[,LX,LY,LZ]",
+        help="mujoco: a box as payload, in kg and m in the frame of the last link; or a TOML file.",
+    )
+    virtual_robot: Path | None = method_field(
+        metavar="FILE",
+        help="mujoco: TOML whose entries replace those of the robot: friction, sensors, delay.",
+    )
+    truth_seed: int = method_field(
+        0, help="mujoco: seed of the true robot; --seed is that of the noise.", min=0, max=2**63 - 1
+    )
+    exact: bool = method_field(
+        False, "--ideal", help="Follow the trajectory exactly, without a controller."
+    )
+    perturb: float = model_field(
+        0.05, help="Fraction by which each λ of the URDF differs in the true robot."
+    )
+    control_rate: float | None = method_field(
+        help="Rate of the controller and of the rows before the setting keep_every, Hz; "
+        "default 1000, with --ideal 100."
+    )
+    torque_noise: float = model_field(
+        0.05, help="Standard deviation of the torque noise, N·m or N."
+    )
+    position_noise: float = model_field(
+        1e-5, help="Standard deviation of the position noise, rad or m."
+    )
+    velocity_noise: float = model_field(
+        1e-3, help="Standard deviation of the velocity noise, rad/s or m/s."
+    )
+    viscous: float = model_field(0.0, help="Viscous friction of every joint, N·m·s/rad or N·s/m.")
+    coulomb: float = model_field(0.0, help="Coulomb friction of every joint, N·m or N.")
+    rotor: float = model_field(0.1, help="Motor inertia reflected to the joint, kg·m² or kg.")
     overwrite: Overwrite = False
 
 

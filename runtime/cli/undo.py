@@ -2,12 +2,9 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from runtime.cli.common import EARLIER, swap_earlier
-from runtime.common.settings import Choices
+from runtime.common.settings import Choices, argument_field
 from runtime.common.terminal import say
 from runtime.errors import RuntimeFault
 
@@ -18,9 +15,7 @@ class UndoSettings(Choices):
 
     command = "undo"
     options = ""
-    result: Annotated[
-        Path, typer.Argument(metavar="RESULT", help="Folder whose result was replaced.")
-    ]
+    result: Path = argument_field(metavar="RESULT", help="Folder whose result was replaced.")
 
 
 def undo_command(given: UndoSettings) -> None:

@@ -3,15 +3,13 @@
 import webbrowser
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-import typer
 
 from runtime.cli.common import open_robot
 from runtime.cli.log_options import LogChoices
 from runtime.common.files import replacing, require_unused
-from runtime.common.settings import data_option, output_option
+from runtime.common.settings import argument_field, data_field, method_field, output_field
 from runtime.common.terminal import say
 from runtime.outputs.viewer.player import Player, read_motion
 from runtime.outputs.viewer.scene import FRAME_S, Scene
@@ -24,31 +22,20 @@ class ViewSettings(LogChoices):
 
     command = "view"
     options = "robot urdf html overwrite"
-    motion: Annotated[
-        str, typer.Argument(metavar="MOTION", help="A motion written by excite (.json), or a log.")
-    ]
-    urdf: Annotated[
-        Path | None,
-        data_option(
-            metavar="FILE", help="URDF with visual meshes; default that of the generated robot."
-        ),
-    ] = None
-    package_dir: Annotated[
-        list[Path] | None,
-        data_option(
-            metavar="DIR", help="Folder that holds the package:// of the meshes; repeatable."
-        ),
-    ] = None
-    port: Annotated[int, output_option(help="Port of the server; if it is used, the next one.")] = (
-        8080
+    motion: str = argument_field(
+        metavar="MOTION", help="A motion written by excite (.json), or a log."
     )
-    no_open: Annotated[bool, typer.Option("--no-open", help="Do not open a browser.")] = False
-    html: Annotated[
-        Path | None,
-        output_option(
-            metavar="FILE", help="Write the animation as one HTML file instead of serving it."
-        ),
-    ] = None
+    urdf: Path | None = data_field(
+        metavar="FILE", help="URDF with visual meshes; default that of the generated robot."
+    )
+    package_dir: list[Path] | None = data_field(
+        metavar="DIR", help="Folder that holds the package:// of the meshes; repeatable."
+    )
+    port: int = output_field(8080, help="Port of the server; if it is used, the next one.")
+    no_open: bool = method_field(False, "--no-open", help="Do not open a browser.")
+    html: Path | None = output_field(
+        metavar="FILE", help="Write the animation as one HTML file instead of serving it."
+    )
 
 
 def view_command(given: ViewSettings) -> None:

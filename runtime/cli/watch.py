@@ -6,7 +6,7 @@ import json
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import typer
@@ -14,7 +14,7 @@ import typer
 from runtime.cli.common import open_robot
 from runtime.cli.log_options import Recipe, ResultChoices, bundled_logs
 from runtime.common.files import bytes_of
-from runtime.common.settings import data_option, output_option
+from runtime.common.settings import argument_field, data_field, output_field
 from runtime.common.tables import Table
 from runtime.common.terminal import say, show
 from runtime.errors import RecordingError
@@ -44,42 +44,28 @@ class WatchSettings(ResultChoices):
 
     command = "watch"
     options = "robot recipe history references as_json"
-    logs: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="LOG…", autocompletion=bundled_logs, help="Later logs of the robot."
-        ),
-    ]
+    logs: list[str] = argument_field(
+        metavar="LOG…", autocompletion=bundled_logs, help="Later logs of the robot."
+    )
     recipe: Recipe = None
-    history: Annotated[
-        Path | None,
-        data_option(
-            metavar="FILE", help="Append the verdicts to a history, one JSON object per line."
-        ),
-    ] = None
-    temperature: Annotated[
-        str | None,
-        data_option(
-            metavar="COLUMN|NUMBER",
-            help="Temperature for the history: a column of the logs, or a number for all [°C].",
-        ),
-    ] = None
-    date: Annotated[
-        str | None,
-        data_option(
-            metavar="DATE", help="Date of the logs, 2026-11-30; default that of their files."
-        ),
-    ] = None
-    references: Annotated[
-        list[str] | None,
-        data_option(
-            "--reference",
-            metavar="LOG",
-            help="Log of another day of the healthy robot, from which the usual change between "
-            "days is learnt; three or more, once each. [default: an assumed one]",
-        ),
-    ] = None
-    as_json: Annotated[bool, output_option("--json", help="Print JSON instead.")] = False
+    history: Path | None = data_field(
+        metavar="FILE", help="Append the verdicts to a history, one JSON object per line."
+    )
+    temperature: str | None = data_field(
+        metavar="COLUMN|NUMBER",
+        help="Temperature for the history: a column of the logs, or a number for all [°C].",
+    )
+    date: str | None = data_field(
+        metavar="DATE", help="Date of the logs, 2026-11-30; default that of their files."
+    )
+    references: list[str] | None = data_field(
+        None,
+        "--reference",
+        metavar="LOG",
+        help="Log of another day of the healthy robot, from which the usual change between "
+        "days is learnt; three or more, once each. [default: an assumed one]",
+    )
+    as_json: bool = output_field(False, "--json", help="Print JSON instead.")
 
 
 def watch_command(given: WatchSettings) -> None:

@@ -4,12 +4,13 @@
     class DesignSettings(Choices):
         command = "design"
         options = "robot duration"
-        robot: Annotated[str, typer.Option(help="Name of a robot.")] = "fr3"
-        duration: Annotated[float, typer.Option(help="Duration, s.")] = 10.0
-        starts: Annotated[int, typer.Option(help="Number of searches.", min=1)] = 5
+        robot: str = data_field("fr3", help="Name of a robot.")
+        duration: float = method_field(10.0, help="Duration, s.")
+        starts: int = method_field(5, help="Number of searches.", min=1)
 
     def design_command(given: DesignSettings) -> None: ...
 
+A type that several records share is `Annotated` with the option instead, as `data_option` makes it.
 The fields that `options` names, and arguments, stand on the command line. Each field has a key in
 the file of --settings: the name of its option with `_` in place of `-`. The command line wins over
 --settings, and a later --settings over an earlier one; NAME=VALUE of a key that takes several
@@ -21,7 +22,7 @@ import inspect
 import json
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, field, fields
 from enum import Enum
 from functools import partial
 from pathlib import Path
@@ -35,7 +36,7 @@ from runtime.common.errors import RuntimeFault
 from runtime.common.files import replacing, tables_of, toml_of
 from runtime.common.records import record_from_table
 
-__all__ = ["output_option"]
+__all__ = ["argument_field", "method_field", "output_field"]
 
 FILE = "settings.toml"
 """Name of the file beside a result."""
@@ -46,8 +47,29 @@ model_option = partial(typer.Option, rich_help_panel="Model")
 output_option = partial(typer.Option, rich_help_panel="Output")
 """Choices by what they are for, the panel of the help; `typer.Option` is one of the method."""
 OTHER = "Method"
+_TYPER = "typer"
+"""Key of the metadata of a field: what Typer reads."""
 _WIDEST = 97
 """Characters of a sentence in the file."""
+
+
+def _choice(kind: Callable[..., Any]) -> Callable[..., Any]:
+    """Fields of records of choices: default, `...` for none, names, and what Typer takes."""
+
+    def of(default: Any = None, *names: str, **how: Any) -> Any:
+        value = MISSING if default is ... else default
+        return field(default=value, metadata={_TYPER: kind(*names, **how)})
+
+    return of
+
+
+method_field, data_field = _choice(typer.Option), _choice(data_option)
+model_field, output_field = _choice(model_option), _choice(output_option)
+
+
+def argument_field(default: Any = ..., **how: Any) -> Any:
+    """A word without a name."""
+    return _choice(typer.Argument)(default, **how)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,20 +137,23 @@ def choices_of(record: type[Choices]) -> tuple[Choice, ...]:
     """The fields of a record in their order, arguments first."""
     hints = get_type_hints(record, include_extras=True)
     choices = []
-    for field in fields(record):
-        kind, *notes = get_args(hints[field.name])
+    for one in fields(record):
+        hint = hints[one.name]
+        if _TYPER in one.metadata:
+            hint = Annotated[hint, one.metadata[_TYPER]]
+        kind, *notes = get_args(hint)
         info = next(each for each in notes if hasattr(each, "param_decls"))
         names = (info.default, *(info.param_decls or ()))  # Typer takes the first as a default
         declared = [each for each in names if isinstance(each, str) and each.startswith("--")]
-        key = declared[0].partition("/")[0][2:] if declared else field.name
-        default = field.default
-        if default is MISSING and field.default_factory is not MISSING:
-            default = field.default_factory()
+        key = declared[0].partition("/")[0][2:] if declared else one.name
+        default = one.default
+        if default is MISSING and one.default_factory is not MISSING:
+            default = one.default_factory()
         key = key.replace("-", "_")
-        if key != field.name and key in hints:  # an argument of that name
-            key = field.name
-        is_option = field.name in record.options.split()
-        choices.append(Choice(field.name, key, hints[field.name], kind, default, info, is_option))
+        if key != one.name and key in hints:  # an argument of that name
+            key = one.name
+        is_option = one.name in record.options.split()
+        choices.append(Choice(one.name, key, hint, kind, default, info, is_option))
     return tuple(sorted(choices, key=lambda choice: not choice.is_argument))
 
 

@@ -2,14 +2,13 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 import typer
 from rich.progress import TaskID, TextColumn, TimeRemainingColumn
 
 from runtime.cli.common import RobotChoices, counting, open_robot
 from runtime.common.commands import INTERRUPTED
-from runtime.common.settings import output_option
+from runtime.common.settings import argument_field, method_field, output_field
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, say, show
 from runtime.experiments import (
@@ -33,35 +32,27 @@ class ReproduceSettings(RobotChoices):
 
     command = "reproduce"
     options = "trials out fresh"
-    what: Annotated[
-        str,
-        typer.Argument(
-            metavar="ID|all|list",
-            help="Id of a table or figure; all for every one; list for their ids and states.",
-        ),
-    ]
-    trials: Annotated[
-        int, typer.Option(help="Number of Monte Carlo trials; default that of the document.", min=1)
-    ] = DEFAULT_TRIALS
-    out: Annotated[
-        Path,
-        output_option(metavar="FOLDER", help="Folder of the results, with one folder per study."),
-    ] = Path("results/experiments")
-    seed: Annotated[
-        int | None,
-        typer.Option(
-            help="Seed of the trials; the designed motions stay the same. Default 0.", min=0
-        ),
-    ] = None
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="tcp://HOST:PORT", help="Compute on the workers of this dask cluster instead."
-        ),
-    ] = None
-    fresh: Annotated[
-        bool, typer.Option("--fresh", help="Delete the trials in the folder and compute all again.")
-    ] = False
+    what: str = argument_field(
+        metavar="ID|all|list",
+        help="Id of a table or figure; all for every one; list for their ids and states.",
+    )
+    trials: int = method_field(
+        DEFAULT_TRIALS, help="Number of Monte Carlo trials; default that of the document.", min=1
+    )
+    out: Path = output_field(
+        Path("results/experiments"),
+        metavar="FOLDER",
+        help="Folder of the results, with one folder per study.",
+    )
+    seed: int | None = method_field(
+        help="Seed of the trials; the designed motions stay the same. Default 0.", min=0
+    )
+    scheduler: str | None = method_field(
+        metavar="tcp://HOST:PORT", help="Compute on the workers of this dask cluster instead."
+    )
+    fresh: bool = method_field(
+        False, "--fresh", help="Delete the trials in the folder and compute all again."
+    )
 
 
 def reproduce_command(given: ReproduceSettings) -> None:

@@ -3,13 +3,13 @@
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import typer
 
 from runtime.common.files import replacing, require_unused
-from runtime.common.settings import Choices, data_option, output_option
+from runtime.common.settings import Choices, argument_field, data_field, method_field, output_field
 from runtime.common.tables import Table, significant
 from runtime.common.terminal import VERBOSE, say, show
 from symgen.cli.common import ArgumentOption, ModelOption, OverwriteOption, read_arguments
@@ -23,20 +23,16 @@ class InspectSettings(Choices):
 
     command = "inspect"
     options = "as_json strict repair overwrite robot_model"
-    model: Annotated[Path, typer.Argument(help="URDF, xacro, MJCF, SDF or TOML of DH rows.")]
-    as_json: Annotated[bool, output_option("--json", help="Print JSON.")] = False
-    strict: Annotated[bool, output_option("--strict", help="Exit code 1 for warnings too.")] = False
-    repair: Annotated[
-        Path | None,
-        typer.Option(
-            help="Write a physically consistent URDF with the same joint torques to this file."
-        ),
-    ] = None
+    model: Path = argument_field(help="URDF, xacro, MJCF, SDF or TOML of DH rows.")
+    as_json: bool = output_field(False, "--json", help="Print JSON.")
+    strict: bool = output_field(False, "--strict", help="Exit code 1 for warnings too.")
+    repair: Path | None = method_field(
+        help="Write a physically consistent URDF with the same joint torques to this file."
+    )
     overwrite: OverwriteOption = False
-    package_dir: Annotated[
-        list[Path] | None,
-        data_option(help="Folder in which package:// meshes are searched; repeatable."),
-    ] = None
+    package_dir: list[Path] | None = data_field(
+        help="Folder in which package:// meshes are searched; repeatable."
+    )
     arg: ArgumentOption = None
     robot_model: ModelOption = None
 

@@ -5,12 +5,12 @@ import re
 import sys
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
 from runtime.common.records import record_from_toml
-from runtime.common.settings import Choices, data_option, model_option, output_option
+from runtime.common.settings import Choices, data_field, method_field, model_field, output_field
 from runtime.common.terminal import completing, console, say
 from symgen.chain import ChainOptions, read_chain
 from symgen.chain.mechanism import Mechanism, mechanism_from_table
@@ -53,133 +53,95 @@ class BuildSettings(Choices):
     options = (
         "robot urdf description name base tip gravity lock mechanism config floating out overwrite"
     )
-    robot: Annotated[
-        str,
-        data_option(
-            autocompletion=completing(bundled_robots()),
-            help="Name of a bundled robot, see `symgen list`, or of a built one, to change it "
-            "under a new --name.",
-        ),
-    ] = "fr3"
-    urdf: Annotated[
-        Path | None,
-        data_option(
-            help="File of your own robot: URDF, xacro, MJCF, SDF or TOML of modified DH rows; "
-            "package://PACKAGE/path is searched in ROS packages. Needs --name.",
-            dir_okay=False,
-        ),
-    ] = None
-    description: Annotated[
-        str | None,
-        data_option(
-            metavar="NAME",
-            help="Published robot of robot_descriptions or example-robot-data, where installed.",
-        ),
-    ] = None
-    name: Annotated[
-        str | None,
-        output_option(help="Name of the folder and prefix of the C functions: a-z, 0-9, _."),
-    ] = None
+    robot: str = data_field(
+        "fr3",
+        autocompletion=completing(bundled_robots()),
+        help="Name of a bundled robot, see `symgen list`, or of a built one, to change it "
+        "under a new --name.",
+    )
+    urdf: Path | None = data_field(
+        help="File of your own robot: URDF, xacro, MJCF, SDF or TOML of modified DH rows; "
+        "package://PACKAGE/path is searched in ROS packages. Needs --name.",
+        dir_okay=False,
+    )
+    description: str | None = data_field(
+        metavar="NAME",
+        help="Published robot of robot_descriptions or example-robot-data, where installed.",
+    )
+    name: str | None = output_field(
+        help="Name of the folder and prefix of the C functions: a-z, 0-9, _."
+    )
     base: BaseOption = None
     tip: TipOption = None
-    gravity: Annotated[
-        str | None,
-        model_option(
-            metavar="X,Y,Z",
-            help="Gravity in the base frame, m/s². Default: 0,0,-9.81 in the root frame.",
-        ),
-    ] = None
+    gravity: str | None = model_field(
+        metavar="X,Y,Z",
+        help="Gravity in the base frame, m/s². Default: 0,0,-9.81 in the root frame.",
+    )
     lock: LockOption = None
-    snap: Annotated[
-        float,
-        typer.Option(
-            help="Replace rpy angles within this distance, rad, of a multiple of π/2 by the "
-            "multiple; 1e-4 for a URDF that rounds its angles."
-        ),
-    ] = 0.0
-    project: Annotated[
-        bool,
-        typer.Option(
-            "--project",
-            help="Replace physically inconsistent inertias by the nearest consistent ones.",
-        ),
-    ] = False
-    floating: Annotated[
-        bool,
-        model_option(
-            "--floating",
-            help="Free the base link: kernels take its pose, velocity and acceleration and have "
-            "six rows for it before those of the joints. Gravity is in the world's frame.",
-        ),
-    ] = False
-    masses: Annotated[
-        Path | None,
-        model_option(
-            metavar="FILE",
-            help="TOML file of masses (link = kg) of links without <inertial>. Without it, a URDF "
-            "without any <inertial> gets placeholders, which are no prior.",
-            dir_okay=False,
-        ),
-    ] = None
-    densities: Annotated[
-        Path | None,
-        model_option(
-            metavar="FILE",
-            help="TOML file of densities (link = kg/m^3, default = kg/m^3 for all others) of links "
-            "without <inertial>, whose bodies are computed from their closed meshes.",
-            dir_okay=False,
-        ),
-    ] = None
+    snap: float = method_field(
+        0.0,
+        help="Replace rpy angles within this distance, rad, of a multiple of π/2 by the "
+        "multiple; 1e-4 for a URDF that rounds its angles.",
+    )
+    project: bool = method_field(
+        False,
+        "--project",
+        help="Replace physically inconsistent inertias by the nearest consistent ones.",
+    )
+    floating: bool = model_field(
+        False,
+        "--floating",
+        help="Free the base link: kernels take its pose, velocity and acceleration and have "
+        "six rows for it before those of the joints. Gravity is in the world's frame.",
+    )
+    masses: Path | None = model_field(
+        metavar="FILE",
+        help="TOML file of masses (link = kg) of links without <inertial>. Without it, a URDF "
+        "without any <inertial> gets placeholders, which are no prior.",
+        dir_okay=False,
+    )
+    densities: Path | None = model_field(
+        metavar="FILE",
+        help="TOML file of densities (link = kg/m^3, default = kg/m^3 for all others) of links "
+        "without <inertial>, whose bodies are computed from their closed meshes.",
+        dir_okay=False,
+    )
     mechanism: MechanismOption = None
     arg: ArgumentOption = None
     package: PackageOption = None
     model: ModelOption = None
     config: ConfigOption = None
-    level: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Instruction set to compile for: v4 (AVX-512), v3 (AVX2), v2 (SSE), neon (ARM), "
-            "portable, or casadi (reference code by CasADi); repeatable. Default: this processor's "
-            "and portable, for bundled robots all; the best that the processor supports is chosen "
-            "when the library is loaded."
-        ),
-    ] = None
-    all_levels: Annotated[
-        bool,
-        typer.Option(
-            "--all-levels",
-            help="Compile every level of this machine, for a library that others will load.",
-        ),
-    ] = False
-    kernels: Annotated[
-        str | None,
-        output_option(
-            metavar="A,B,…",
-            help="Write only these kernels, as one C file and one header for a microcontroller in "
-            "OUT/NAME/controller/, and compile nothing.",
-        ),
-    ] = None
-    precision: Annotated[
-        str, output_option(help="Numbers of the files of the setting kernels: double or single.")
-    ] = "double"
-    casadi: Annotated[
-        bool,
-        output_option(
-            "--casadi",
-            help="Write NAME.casadi (serialised functions of CasADi) and NAME_casadi.c (the same "
-            "with CasADi's ABI and Jacobians) too.",
-        ),
-    ] = False
-    watch_size: Annotated[
-        bool,
-        typer.Option(
-            "--watch-size",
-            help="Print operations, CPU time and memory to expect before the compilation starts.",
-        ),
-    ] = False
-    force: Annotated[
-        bool, typer.Option("--force", help="Rebuild even if the folder is up to date.")
-    ] = False
+    level: list[str] | None = method_field(
+        help="Instruction set to compile for: v4 (AVX-512), v3 (AVX2), v2 (SSE), neon (ARM), "
+        "portable, or casadi (reference code by CasADi); repeatable. Default: this processor's "
+        "and portable, for bundled robots all; the best that the processor supports is chosen "
+        "when the library is loaded."
+    )
+    all_levels: bool = method_field(
+        False,
+        "--all-levels",
+        help="Compile every level of this machine, for a library that others will load.",
+    )
+    kernels: str | None = output_field(
+        metavar="A,B,…",
+        help="Write only these kernels, as one C file and one header for a microcontroller in "
+        "OUT/NAME/controller/, and compile nothing.",
+    )
+    precision: str = output_field(
+        "double", help="Numbers of the files of the setting kernels: double or single."
+    )
+    casadi: bool = output_field(
+        False,
+        "--casadi",
+        help="Write NAME.casadi (serialised functions of CasADi) and NAME_casadi.c (the same "
+        "with CasADi's ABI and Jacobians) too.",
+    )
+    watch_size: bool = method_field(
+        False,
+        "--watch-size",
+        help="Print operations, CPU time and memory to expect before the compilation starts.",
+    )
+    force: bool = method_field(False, "--force", help="Rebuild even if the folder is up to date.")
     out: RootOption = DEFAULT_ROOT
     overwrite: OverwriteOption = False
 

@@ -3,13 +3,11 @@
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-import typer
 
 from runtime.common.files import replacing, require_unused
-from runtime.common.settings import Choices, data_option, output_option
+from runtime.common.settings import Choices, argument_field, data_field, method_field, output_field
 from runtime.common.tables import Table
 from runtime.common.terminal import console, say, show
 from symgen.chain import ChainOptions, read_chain
@@ -37,26 +35,19 @@ class ProxiesSettings(Choices):
 
     command = "proxies"
     options = "out package_dir base tip overwrite"
-    urdf: Annotated[Path, typer.Argument(help="URDF with <collision> shapes.", dir_okay=False)]
-    out: Annotated[
-        Path, output_option(help="TOML file to write, for build --config.", dir_okay=False)
-    ]
-    package_dir: Annotated[
-        list[Path] | None,
-        data_option(
-            metavar="DIR", help="Folder in which package:// meshes are searched; repeatable."
-        ),
-    ] = None
+    urdf: Path = argument_field(help="URDF with <collision> shapes.", dir_okay=False)
+    out: Path = output_field(..., help="TOML file to write, for build --config.", dir_okay=False)
+    package_dir: list[Path] | None = data_field(
+        metavar="DIR", help="Folder in which package:// meshes are searched; repeatable."
+    )
     base: BaseOption = None
     tip: TipOption = None
     lock: LockOption = None
     config: ConfigOption = None
-    most: Annotated[
-        int, typer.Option(min=1, max=6, help="Largest number of capsules per link.")
-    ] = 3
-    margin: Annotated[
-        float, typer.Option(help="Distance that a motion keeps between the proxies of a pair, m.")
-    ] = MARGIN
+    most: int = method_field(3, min=1, max=6, help="Largest number of capsules per link.")
+    margin: float = method_field(
+        MARGIN, help="Distance that a motion keeps between the proxies of a pair, m."
+    )
     overwrite: OverwriteOption = False
 
 

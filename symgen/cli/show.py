@@ -4,12 +4,10 @@ import json
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from runtime.common.files import json_of
-from runtime.common.settings import Choices, output_option
+from runtime.common.settings import Choices, argument_field, output_field
 from runtime.common.tables import Table
 from runtime.common.terminal import say, show
 from runtime.common.user_builds import built_robots
@@ -93,10 +91,8 @@ class DescribeSettings(Choices):
 
     command = "describe"
     options = "as_json out"
-    robot: Annotated[
-        str, typer.Argument(autocompletion=robots, help="Name of a generated robot.")
-    ] = "fr3"
-    as_json: Annotated[bool, output_option("--json", help="Print JSON.")] = False
+    robot: str = argument_field("fr3", autocompletion=robots, help="Name of a generated robot.")
+    as_json: bool = output_field(False, "--json", help="Print JSON.")
     out: RootOption = DEFAULT_ROOT
 
 

@@ -7,7 +7,7 @@ that converts: every output of a `Kernel` is a dense vector in row-major order o
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -126,6 +126,10 @@ def make_kernel(
         function = ca.Function(name, symbols, rows, [*entries, FURTHER], names, {"cse": True})
     given, computed = tuple(inputs), tuple(outputs)
     return Kernel(name, given, computed, equation, per, function, rare, factors, through, unhurried)
+
+
+make_rare = partial(make_kernel, rare=True)
+make_slow = partial(make_kernel, rare=True, unhurried=True)
 
 
 def with_further(kernel: Kernel, values: Callable[[dict[str, Matrix], Matrix], Matrix]) -> Kernel:

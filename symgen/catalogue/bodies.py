@@ -1,10 +1,14 @@
 """The kernels of one body: λ ↔ π, log-Cholesky ↔ π, pseudo-inertia and its barrier."""
 
+from functools import partial
+
 import casadi as ca
 
-from symgen.kernel import Argument, Kernel, make_kernel
+from symgen.kernel import Argument, Kernel, make_kernel, make_rare, make_slow
 from symgen.mechanics import inertia
 from symgen.mechanics.inertia import N_PARAMETERS as P
+
+kernel, rare, slow = (partial(make, per="link") for make in (make_kernel, make_rare, make_slow))
 
 
 def body_kernels() -> tuple[Kernel, ...]:
@@ -20,29 +24,26 @@ def body_kernels() -> tuple[Kernel, ...]:
     of_lam, of_theta = inertia.pi_from_lam(lam), inertia.pi_from_cholesky(theta)
     pivot, log_det, traces, curvature = inertia.barrier(pi)
     return (
-        make_kernel("pi_from_lam", {lam_: lam}, {pi_: of_lam}, "Eqs. 4.25-4.31", "link"),
-        make_kernel(
+        kernel("pi_from_lam", {lam_: lam}, {pi_: of_lam}, "Eqs. 4.25-4.31"),
+        kernel(
             "pi_jacobian",
             {lam_: lam},
             {pi_: of_lam, Argument("jacobian", (P, P), "d pi / d lam"): ca.jacobian(of_lam, lam)},
             "pi and d pi / d lam of one link",
-            "link",
         ),
-        make_kernel(
+        kernel(
             "pi_frame",
             {lam_: lam},
             {pi_: of_lam, frame_: inertia.lam_frame(lam)},
             "pi of one link, and its m, R, B, C for pi_adjoint",
-            "link",
         ),
-        make_kernel(
+        kernel(
             "pi_adjoint",
             {lam_: lam, frame_: frame, slope_: slope},
             {Argument("gradient", (P,), "d cost / d lam"): inertia.pi_adjoint(lam, frame, slope)},
             "(d pi / d lam)' slope of one link, Eq. 4.32",
-            "link",
         ),
-        make_kernel(
+        kernel(
             "cholesky_jacobian",
             {theta_: theta},
             {
@@ -50,9 +51,8 @@ def body_kernels() -> tuple[Kernel, ...]:
                 Argument("jacobian", (P, P), "d pi / d theta"): ca.jacobian(of_theta, theta),
             },
             "pi and d pi / d theta of one link, P = U(theta) U(theta)'",
-            "link",
         ),
-        make_kernel(
+        kernel(
             "barrier",
             {pi_: pi},
             {
@@ -62,49 +62,30 @@ def body_kernels() -> tuple[Kernel, ...]:
                 Argument("curvature", (P, P), "1/SI^2"): curvature,
             },
             "smallest pivot and log det of P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = dP/dpi_i",
-            "link",
         ),
-        make_kernel(
+        slow(
             "cholesky_from_pi",
             {pi_: pi},
             {theta_: inertia.cholesky_from_pi(pi)},
             "theta with U(theta) U(theta)' = P; NaN unless P is positive definite",
-            "link",
-            rare=True,
-            unhurried=True,
         ),
-        make_kernel(
-            "lam_from_pi",
-            {pi_: pi},
-            {lam_: inertia.lam_from_pi(pi)},
-            "Eqs. 4.18-4.23",
-            "link",
-            rare=True,
-            unhurried=True,
-        ),
-        make_kernel(
+        slow("lam_from_pi", {pi_: pi}, {lam_: inertia.lam_from_pi(pi)}, "Eqs. 4.18-4.23"),
+        slow(
             "nearest_realisable",
             {pi_: pi, floor_: floor},
             {Argument("realisable", (P,), "SI"): inertia.nearest_realisable(pi, floor)},
             "pi with the eigenvalues of Sigma_com raised to floor * trace + m (1 mm)^2",
-            "link",
-            rare=True,
-            unhurried=True,
         ),
-        make_kernel(
+        rare(
             "inertia_matrix",
             {lam_: lam},
             {Argument("M", (6, 6), "SI"): inertia.spatial_inertia(lam)},
             "M(lam), Eq. 4.14 (linear part first)",
-            "link",
-            rare=True,
         ),
-        make_kernel(
+        rare(
             "pseudo_inertia",
             {pi_: pi},
             {Argument("P", (4, 4), "SI"): inertia.pseudo_inertia(pi)},
             "P(pi), Eqs. 3.9, 3.10",
-            "link",
-            rare=True,
         ),
     )

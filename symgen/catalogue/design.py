@@ -15,7 +15,7 @@ from symgen.catalogue.motion import STATE, effort_unit, motion_of, state_unit
 from symgen.chain import Chain
 from symgen.collision import CollisionModel
 from symgen.collision.distance import clearance, moving, plane_clearance
-from symgen.kernel import Argument, Kernel, Matrix, make_kernel
+from symgen.kernel import Argument, Kernel, Matrix, make_kernel, make_rare, make_slow
 from symgen.mechanics import derivative_bounds as bounds
 from symgen.mechanics import dynamics, excitation, kinematics
 from symgen.mechanics.base_parameters import BaseParameters, regrouped
@@ -42,12 +42,11 @@ def torque_derivatives(chain: Chain) -> Kernel:
         Argument(name, (n, n), f"d tau / d {STATE[k]}"): slope[:, k * n : (k + 1) * n]
         for k, name in enumerate(("dtau_dq", "dtau_dv", "dtau_da"))
     }
-    return make_kernel(
+    return make_rare(
         "torque_derivatives",
         motion | {pi_: pi},
         {Argument("tau", (n,), effort_unit(chain)): tau, **slopes},
         "tau of Eq. 4.3 and its derivatives by q, dq and ddq, the last one M(q)",
-        rare=True,
     )
 
 
@@ -66,22 +65,19 @@ def _torques(chain: Chain) -> tuple[Kernel, ...]:
     gradient = ca.reshape(ca.jtimes(rate, ca.vertcat(*symbols[:4]), seed, True), n, 4).T
     return (
         torque_derivatives(chain),
-        make_kernel(
+        make_rare(
             "torque_rate",
             with_dddq,
             {Argument("tau_rate", (n,), f"({effort})/s"): rate},
             "d tau / d t = dtau_dq dq + dtau_dv ddq + dtau_da dddq",
-            rare=True,
         ),
-        make_kernel(
+        make_slow(
             "torque_rate_adjoint",
             with_dddq | {seed_: seed},
             {Argument("gradient", (4, n), "d cost / d (q, dq, ddq, dddq)"): gradient},
             "d (seed . d tau / d t) / d (q, dq, ddq, dddq)",
-            rare=True,
-            unhurried=True,
         ),
-        make_kernel(
+        make_slow(
             "torque_course",
             motion | {pi_: pi},
             {
@@ -90,8 +86,6 @@ def _torques(chain: Chain) -> tuple[Kernel, ...]:
                 Argument("ddtau", (n,), f"({effort})/s^2"): second,
             },
             "tau of Eq. 4.3 and its two first derivatives in time along a motion",
-            rare=True,
-            unhurried=True,
         ),
     )
 
@@ -101,7 +95,7 @@ def _tip(chain: Chain) -> Kernel:
     q, dq = motion.values()
     p = kinematics.end_effector(chain, q)[:3, 3]
     v = ca.jtimes(p, q, dq)
-    return make_kernel(
+    return make_rare(
         "tip_motion",
         motion,
         {
@@ -111,7 +105,6 @@ def _tip(chain: Chain) -> Kernel:
             Argument("dv_dq", (3, n), "d v / d q"): ca.jacobian(v, q),
         },
         "place and velocity v = dp_dq dq of the tip in the base frame; d v / d dq is dp_dq",
-        rare=True,
     )
 
 
@@ -138,12 +131,11 @@ def _distances(chain: Chain, collision: CollisionModel) -> tuple[Kernel, ...]:
         )
     if moving(chain, collision):
         kernels.append(
-            make_kernel(
+            make_rare(
                 "plane_clearance",
                 motion | {plane_: plane},
                 outputs(*plane_clearance(chain, collision, q, plane)),
                 "least n.x - d over each moving capsule, plane = (n, d) with a unit normal n",
-                rare=True,
             )
         )
     return tuple(kernels)
@@ -160,21 +152,19 @@ def proof_kernels(chain: Chain) -> tuple[Kernel, ...]:
     torque = bounds.torque_bounds(chain, six[1], pi)
     speed, turn = bounds.speed_bounds(chain, two[1])
     return (
-        make_kernel(
+        make_rare(
             "torque_bounds",
             {six_: six[0], pi_: pi},
             {Argument("tau_sup", (4, n), f"({effort}, /s, /s^2, /s^3)"): torque},
             "sup |tau| and of its derivatives in time, from q_sup[k] = sup |d^k q / dt^k|",
-            rare=True,
         ),
-        make_kernel(
+        make_rare(
             "tip_bounds",
             {four_: four[0]},
             {Argument("p_sup", (4,), "(m, m/s, m/s^2, m/s^3)"): bounds.tip_bounds(chain, four[1])},
             "sup |p| of the tip and of its derivatives in time, from sup |d^k q / dt^k|",
-            rare=True,
         ),
-        make_kernel(
+        make_rare(
             "speed_bounds",
             {two_: two[0]},
             {
@@ -182,7 +172,6 @@ def proof_kernels(chain: Chain) -> tuple[Kernel, ...]:
                 Argument("turn", (links,), "rad/s"): turn,
             },
             "sup of the speed of the origin of link i by joint j, and of the joint's turning",
-            rare=True,
         ),
     )
 
@@ -207,21 +196,19 @@ def trajectory_kernels(
     seed_ = Argument("seed", (n, b), "d cost / d Y_b")
     seed = seed_.symbol()
     bases = (
-        make_kernel(
+        make_rare(
             "harmonic_basis",
             {m_: m, t_: t, tf_: tf},
             {Argument("phi", (4,), "1, 1/s, 1/s^2, 1/s^3"): excitation.harmonic_basis(m, t, tf)},
             "cos(2 pi m s) - 1 + 2 pi^2 m^2 s^2 (1-s)^2, s = t/t_f, Eqs. 3.24-3.27",
             "point",
-            rare=True,
         ),
-        make_kernel(
+        make_rare(
             "transfer_basis",
             {t_: t, tf_: tf},
             {Argument("S", (4,), "1, 1/s, 1/s^2, 1/s^3"): excitation.transfer_basis(t, tf)},
             "10 s^3 - 15 s^4 + 6 s^5, s = t/t_f, Eqs. 3.25, 3.27",
             "point",
-            rare=True,
         ),
     )
     if "regressor_adjoint" in omitted:

@@ -4,7 +4,7 @@ import casadi as ca
 
 from symgen.catalogue.motion import motion_of, state_unit
 from symgen.chain import Chain
-from symgen.kernel import Argument, Kernel, Matrix, make_kernel, with_further
+from symgen.kernel import Argument, Kernel, Matrix, make_rare, with_further
 from symgen.mechanics import closure, kinematics, loop_equations
 from symgen.mechanics.loop_equations import closed_chain
 
@@ -28,7 +28,7 @@ def loop_kernels(chain: Chain) -> tuple[Kernel, ...]:
     continued = closure.with_seeds(chain, everything, after)
     blocks = len(chain.loops.blocks)
     return (
-        make_kernel(
+        make_rare(
             "all_joints",
             motion,
             {
@@ -37,9 +37,8 @@ def loop_kernels(chain: Chain) -> tuple[Kernel, ...]:
                 Argument("ddq_all", (count,), state_unit(chain, 2)): accelerations,
             },
             "phi(q, d) = 0 by Newton from the assembly pose; NaN at singular postures",
-            rare=True,
         ),
-        make_kernel(
+        make_rare(
             "joint_jacobian",
             {q_: q},
             {
@@ -47,9 +46,8 @@ def loop_kernels(chain: Chain) -> tuple[Kernel, ...]:
                 Argument("margin", (blocks,), "1"): margin,
             },
             "G = d q_all / d q; margin of each loop, 1 at the assembly, 0 where it is singular",
-            rare=True,
         ),
-        make_kernel(
+        make_rare(
             "next_positions",
             {q_: q, last_: last},
             {
@@ -57,7 +55,6 @@ def loop_kernels(chain: Chain) -> tuple[Kernel, ...]:
                 Argument("margin", (blocks,), "1"): after_margin,
             },
             "phi(q, d) = 0 by Newton from all positions of a sample shortly before",
-            rare=True,
         ),
     )
 

@@ -11,7 +11,7 @@ from typing import Any
 import casadi as ca
 
 from symgen.chain import Chain
-from symgen.kernel import Argument, Kernel, make_kernel
+from symgen.kernel import Argument, Kernel, make_kernel, make_rare, make_slow
 from symgen.mechanics import dynamics, kinematics, mass_matrix, passive
 from symgen.mechanics.base_parameters import Array, BaseParameters, regrouped
 from symgen.mechanics.inertia import N_PARAMETERS as P
@@ -130,12 +130,11 @@ def motion_kernels(
             {Argument("H", (4, 4), "1|m"): kinematics.end_effector(chain, q)},
             "pose of the tip in the base frame, Eq. 2.15",
         ),
-        make_kernel(
+        make_rare(
             "link_poses",
             {q_: q},
             {Argument("H", (4 * links, 4), "1|m"): kinematics.link_poses(chain, q)},
             "poses of the links in the base frame, one below the other, Eq. 2.15",
-            rare=True,
         ),
         make_kernel(
             "loss_gradient",
@@ -171,7 +170,7 @@ def _without_accelerations(chain: Chain, base: BaseParameters) -> tuple[Kernel, 
             "tau = d(P_b beta)/dt - R_b beta, p = M dq = P_b beta, r = d(T - U)/dq = R_b beta",
             unhurried=True,  # loops call its tiles
         ),
-        make_kernel(
+        make_rare(
             "energy_regressor",
             motion,
             {
@@ -180,7 +179,6 @@ def _without_accelerations(chain: Chain, base: BaseParameters) -> tuple[Kernel, 
                 ).T
             },
             "dq.tau = d(E_b beta)/dt, T + U = E_b beta + const",
-            rare=True,
         ),
     )
 
@@ -233,22 +231,20 @@ def passive_kernels(chain: Chain) -> tuple[Kernel, ...]:
     springs = passive.unknown_springs(chain)
     if springs:
         kernels.append(
-            make_kernel(
+            make_rare(
                 "spring_columns",
                 motion,
                 {Argument("S", (n, len(springs)), "d tau / d k"): passive.spring_columns(chain, q)},
                 "tau = S k of the springs, S = (x - rest) dx / dq",
-                rare=True,
             )
         )
     if len(springs) < len(chain.mechanism.spring) or chain.mechanism.known_torque:
         kernels.append(
-            make_kernel(
+            make_rare(
                 "known_torque",
                 motion,
                 {Argument("tau", (n,), effort_unit(chain)): passive.known_torque(chain, q)},
                 "tau = p(x) dx / dq of torque curves and of springs of known stiffness",
-                rare=True,
             )
         )
     return tuple(kernels)
@@ -263,45 +259,37 @@ def control_kernels(chain: Chain, omitted: Container[str] = ()) -> tuple[Kernel,
     ddq_r_ = Argument("ddq_r", (n,), state_unit(chain, 2))
     pi_ = Argument("pi", (P * links,), "SI", shared=True)
     dq_r, ddq_r, pi = (a.symbol() for a in (dq_r_, ddq_r_, pi_))
-    jacobians = make_kernel(
+    jacobians = make_slow(
         "frame_jacobians",
         {q_: q},
         {Argument("J", (6 * (links + 1), n), "m|1"): kinematics.frame_jacobians(chain, q)},
         "linear, then angular velocity J dq of the frames of all links and of the tip, in axes "
         "of the base, one below the other",
-        rare=True,
-        unhurried=True,
     )
     if chain.floating:
         return (jacobians,)
-    bound = make_kernel(
+    bound = make_slow(
         "mobility_bound",
         {pi_: pi},
         {Argument("S", (links, links), "d ddq / d tau"): mass_matrix.mobility_bound(chain, pi)},
         "S = B I^-1 B', the inverse of M(q) of all joints is at most S for every q",
-        rare=True,
-        unhurried=True,
     )
     if "coriolis_matrix" in omitted:
         return (jacobians, bound)
     coriolis = dynamics.coriolis_matrix(chain, q, dq, regrouped(chain, pi))
     regressor = dynamics.slotine_li_regressor(chain, q, dq, dq_r, ddq_r)
     return (
-        make_kernel(
+        make_slow(
             "coriolis_matrix",
             motion | {pi_: pi},
             {Argument("C", (n, n), "d (C dq) / d dq / 2"): coriolis},
             "C(q, dq) of Christoffel symbols: h = C dq - tau_grav, dM/dt - 2 C is skew-symmetric",
-            rare=True,
-            unhurried=True,
         ),
-        make_kernel(
+        make_slow(
             "slotine_li_regressor",
             motion | {dq_r_: dq_r, ddq_r_: ddq_r},
             {Argument("Y", (n, P * links), "d tau / d pi"): regressor},
             "Y pi = M(q) ddq_r + C(q, dq) dq_r - tau_grav(q), Slotine & Li 1987",
-            rare=True,
-            unhurried=True,
         ),
         jacobians,
         bound,

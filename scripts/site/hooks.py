@@ -30,7 +30,8 @@ def on_files(files: Files, config: Any) -> Files:
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Put the table of the keys of result.json where a page asks for it."""
-    return markdown.replace("<!-- keys of result.json -->", result_keys.markdown())
+    place = "<!-- keys of result.json -->"
+    return markdown.replace(place, result_keys.markdown()) if place in markdown else markdown
 
 
 def generated_pages() -> Iterator[tuple[str, str]]:

@@ -13,6 +13,7 @@ import pytest
 import symgen.make.facts
 from runtime.library import load
 from symgen.chain import ChainOptions, read_chain
+from symgen.make import bundled_robots
 from symgen.make.pipeline import build, generate, is_current
 from symgen.make.request import BuildRequest, RobotConfig, bundled_request
 from tests.conftest import REPOSITORY, TINY_URDF
@@ -104,12 +105,13 @@ def test_generated_text_names_no_machine(tiny_built: Path) -> None:
             assert time.strftime("%Y-%m") not in text, path.name
 
 
-def test_committed_fr3_is_in_sync() -> None:
+@pytest.mark.parametrize("robot", bundled_robots())
+def test_committed_code_is_in_sync(robot: str) -> None:
     """Oracle: the reviewed artefacts are what the code generates now."""
-    committed = REPOSITORY / "generated" / "fr3"
+    committed = REPOSITORY / "generated" / robot
     if not (committed / "manifest.json").exists():
-        pytest.skip("generated/fr3 is not part of this installation")
-    for name, text in generate(bundled_request("fr3"))[0].files.items():
+        pytest.skip(f"generated/{robot} is not part of this installation")
+    for name, text in generate(bundled_request(robot))[0].files.items():
         assert (committed / name).read_text(encoding="utf-8") == text, (
             f"{name} is stale: python -m symgen build"
         )

@@ -85,7 +85,7 @@ def prior_test(
     level = max(density, LEAST_DENSITY)
     gamma = kappa * level / data.count
     sizes = np.linalg.svd(data.factor, compute_uv=False)
-    rank = int(np.sum(sizes > ROUNDING * max(float(sizes.max(initial=0.0)), 1e-300)))
+    rank = int(np.sum(sizes > ROUNDING * sizes.max(initial=0.0)))
     threshold = MARGIN * float(chdtri(max(rank, 1), SIGNIFICANCE))
     single = float(chdtri(N_PARAMETERS, SIGNIFICANCE / lib.n_joints))
 

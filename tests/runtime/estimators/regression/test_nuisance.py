@@ -8,6 +8,7 @@ import pytest
 from runtime.estimators.regression import model_error
 from runtime.estimators.regression.nuisance import (
     SHAPES,
+    SLOW,
     common_size,
     nuisance_columns,
     nuisance_of,
@@ -138,7 +139,8 @@ def test_a_peak_follows_the_presliding_state_and_a_bend_has_no_slope(double: Lib
 
     On the way s back from a reversal the state is ζ = −1 + (1 + ζ₀) e^(−s/σ), with the stroke σ; a
     peak at constant speed follows it. Of a root of the speed, least squares over ζ, dq and 1 leaves
-    nothing: a bend changes neither the viscous coefficient nor the peak.
+    nothing: a bend changes neither the viscous coefficient nor the peak. Friction of the load is
+    the share of the largest weight, with the sign of the motion.
     """
     step = DAHL_STROKE / 100
     there = step * np.arange(1000.0)
@@ -151,7 +153,7 @@ def test_a_peak_follows_the_presliding_state_and_a_bend_has_no_slope(double: Lib
         q = np.tile(path[:, None], 2)
         dq = rate * np.gradient(q, axis=0)
         rows = Samples(q, dq, 0 * q, 0 * q, np.zeros((*q.shape, 0)))
-        bend, peak = nuisance_columns(double, double.pi0, rows)[:, 0, -2:].T
+        load, bend, peak = nuisance_columns(double, double.pi0, rows)[:, 0, -3:].T
         state = np.zeros(len(path))
         for k, move in enumerate(np.diff(path)):
             stays = np.exp(-abs(move) / DAHL_STROKE)
@@ -159,6 +161,11 @@ def test_a_peak_follows_the_presliding_state_and_a_bend_has_no_slope(double: Lib
         if rate < 100:
             behind = -1 + (1 + state[999]) * np.exp(-way / DAHL_STROKE)
             np.testing.assert_allclose(state[1000:], behind, rtol=0, atol=1e-12)
+        weight = np.abs(double.inverse_dynamics(q, 0 * q, 0 * q, double.pi0)[:, 0])
+        slides = np.abs(dq[:, 0]) > 4 * SLOW  # tanh 4 = 1 − 7e-4
+        share = np.sign(dq[:, 0]) * weight / weight.max()
+        np.testing.assert_allclose(load[slides], share[slides], rtol=1e-3, atol=1e-12)
+        assert slides.sum() > 500 or rate < 100
         at_speed = np.exp(-((dq[:, 0] / STRIBECK_SPEED) ** 2))
         np.testing.assert_allclose(peak, state * at_speed, rtol=0, atol=1e-12)
         line = np.column_stack([state, dq[:, 0], np.ones(len(path))])

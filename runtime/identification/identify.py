@@ -24,7 +24,7 @@ from runtime.estimators.convex.constraints import Constraints
 from runtime.estimators.methods import METHODS, chosen_method
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.regression.dry_friction_choice import with_dry_friction
-from runtime.estimators.regression.recorded_delay import sign_of_delay
+from runtime.estimators.regression.recorded_delay import with_delay
 from runtime.identification.drive.estimate import NO_BIAS, identify_drive
 from runtime.identification.drive.result import DriveFit, DriveRequest
 from runtime.identification.drive.symmetry import (
@@ -302,7 +302,7 @@ def delayed(data: PreparedLog, settings: Settings) -> Preparation | None:
             f"--delay needs a number of seconds within 1 s, {AUTO} or {PER_JOINT}, got '{delay}'"
         ) from None
     usual = preparation or recording.preparation
-    return replace(usual, torque_delay_s=sign_of_delay(recording) * seconds or None)
+    return with_delay(recording, usual, np.array([seconds]))
 
 
 def with_drives(data: Sequence[PreparedLog], lib: Library, settings: Settings) -> list[PreparedLog]:
@@ -365,10 +365,8 @@ def without_drives(
 def _corrected(log: PreparedLog, drive: DriveFit, bias: Array) -> PreparedLog:
     """The log with delay and biases removed."""
     if drive.delay.size:
-        late = [float(x) for x in sign_of_delay(log.recording) * drive.delay]
         usual = log.preparation or log.recording.preparation
-        shift = late[0] if len(late) == 1 else tuple(late)
-        log = replace(log, preparation=replace(usual, torque_delay_s=shift))
+        log = replace(log, preparation=with_delay(log.recording, usual, drive.delay))
     if not np.isfinite(bias).all():
         return log
     if log.streamed is not None:

@@ -18,7 +18,6 @@ from runtime.inspection.checks import (
     gravity,
     model_fit,
     signals,
-    torque_delay,
     torque_signs,
 )
 from runtime.inspection.checks.torque_rows import TorqueRows, rough, torque_rows_of
@@ -233,7 +232,7 @@ def _check_fit(checks: CheckRun, lib: Library, terms: Friction) -> None:
     late = (
         []
         if computed or any(f.kind == "torque_gain" for f in gain)
-        else torque_delay.delay(
+        else drives.delay_of_measured(
             checks.recording, lib, checks.plan, terms, has_gains=checks.has_gains
         )
     )

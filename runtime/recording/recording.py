@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from runtime.common.tables import Table
-from runtime.errors import RecordingError
+from runtime.errors import IdentificationError, RecordingError
 from runtime.recording.current_gains import CurrentGains
 from runtime.recording.notebook import Framed
 from runtime.recording.recipes.recipe import COMMANDED, MEASURED, ControlLaw, Recipe
@@ -347,6 +347,26 @@ def require_recording(*values: object) -> None:
             raise RecordingError(
                 f"expected a log, as runtime.read_recording gives it, got {value!r:.60}"
             )
+
+
+def complete_arrays(recording: Recording, *keys: str) -> dict[str, FloatArray]:
+    """Dense arrays of q, the friction columns and other signals, all of them there and finite."""
+    missing = [key for key in keys if getattr(recording, key) is None]
+    if missing:
+        raise IdentificationError(
+            f"identification needs q, dq, ddq and tau, the recording '{recording.name}' has no "
+            f"{', '.join(missing)}; let preprocessing.prepare differentiate it"
+        )
+    columns = recording.columns
+    arrays = {"columns": np.zeros((*recording.q.shape, 0)) if columns is None else columns}
+    arrays |= {key: recording.required(key) for key in ("q", *keys)}
+    dense = {key: np.ascontiguousarray(each, dtype=float) for key, each in arrays.items()}
+    if not all(np.isfinite(each).all() for each in dense.values()):
+        raise IdentificationError(
+            f"the recording '{recording.name}' holds NaN or infinite values; "
+            "drop those rows before identifying"
+        )
+    return dense
 
 
 def _uptime(recording: Recording) -> FloatArray:

@@ -19,11 +19,11 @@ from runtime.common.tables import significant
 from runtime.errors import RuntimeFault
 from runtime.library import Array, Library
 from runtime.recording import Preparation, Recording
-from runtime.recording.prepared import DifferentiatedRecording
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.filters import butterworth_sections, scipy_signal
 from runtime.recording.preprocessing.pipeline import momentum_torque, on_grid
 from runtime.recording.preprocessing.segments import segments
+from runtime.recording.recording import complete_arrays
 
 NOISY, BENT = 0.01, 0.005
 """Bounds of ν and δ: ν that biases an inertia as much as its uncertainty in a good log, and δ that
@@ -86,13 +86,15 @@ def differentiation_of(
     later = replace(full, clock_tick=None, max_gap_s=None, torque_delay_s=None)
     try:
         head = on_grid(head, full)
-        done = DifferentiatedRecording.of(prepare(head, later))
+        done = prepare(head, later)
+        data = complete_arrays(done, "dq", "ddq", "tau")
         smooth = momentum_torque(head, later, lib, lib.base_matrix @ lib.pi0)
         bare = prepare(head, replace(later, filter="none", cutoff_hz=None, trim_s=None))
         torque, speeds = smooth.required("tau"), bare.required("dq")
     except RuntimeFault:  # the preparation of the whole log states the reason
         return None
-    rigid = lib.inverse_dynamics(done.q, done.dq, done.ddq, lib.pi0)
+    dq, ddq = data["dq"], data["ddq"]
+    rigid = lib.inverse_dynamics(data["q"], dq, ddq, lib.pi0)
     common, here, there = np.intersect1d(done.t, smooth.t, return_indices=True)
     if len(common) <= _ORDER:
         return None
@@ -103,7 +105,7 @@ def differentiation_of(
     derivatives = 2 if from_q else 1
     gain = _noise_gain(preparation, 1.0 / bare.rate_hz, derivatives)
     noise = _white_variance(bare.t, bare.q if from_q else speeds) * gain
-    power, speed = (np.mean(a**2, axis=0) for a in (done.ddq, done.dq))
+    power, speed = (np.mean(a**2, axis=0) for a in (ddq, dq))
     share = np.where(speed > STILL**2, np.minimum(noise / np.maximum(power, 1e-300), 1.0), 0.0)
     return Differentiation(share, bent, preparation.cutoff_hz or bare.rate_hz / 4, derivatives)
 

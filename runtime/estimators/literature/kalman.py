@@ -44,9 +44,9 @@ from runtime.estimators.problem import Fit, Origin, Problem
 from runtime.library import Array, Library
 from runtime.library.parameters import lam_from_parts, link_columns, links
 from runtime.recording import Friction, Recording
-from runtime.recording.prepared import DifferentiatedRecording
 from runtime.recording.preprocessing.filters import low_pass
 from runtime.recording.preprocessing.segments import differentiate, segments, uniform_step
+from runtime.recording.recording import complete_arrays
 from runtime.recording.settings import COLUMNS, names_where
 
 STATE_COLUMNS = names_where(lambda column: column.secant is not None)
@@ -160,14 +160,15 @@ def filter_input_from(part: Recording, dt: float, terms: Friction) -> FilterInpu
     tau = part.required("tau")
     bare = part.replace(dq=None, ddq=None, columns=None, column_names=())
     low_passed = low_pass(bare, min(SMOOTH_HZ, 0.2 / dt))
-    smooth = DifferentiatedRecording.of(differentiate(low_passed))
+    smooth = complete_arrays(differentiate(low_passed), "dq", "ddq", "tau")
+    speed, acceleration = ((a[1:] + a[:-1]) / 2 for a in (smooth["dq"], smooth["ddq"]))
     return FilterInput(
         dt=dt,
         q=part.q,
         tau=tau,
-        speed=(smooth.dq[1:] + smooth.dq[:-1]) / 2,
-        acceleration=(smooth.ddq[1:] + smooth.ddq[:-1]) / 2,
-        torque_rate=np.diff(smooth.tau, axis=0) / dt,
+        speed=speed,
+        acceleration=acceleration,
+        torque_rate=np.diff(smooth["tau"], axis=0) / dt,
         sigma_q=np.maximum(noise_of(part.q), LEAST_NOISE[0]),
         sigma_tau=np.maximum(noise_of(tau), LEAST_NOISE[1]),
         names=terms.columns,

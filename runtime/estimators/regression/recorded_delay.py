@@ -107,6 +107,13 @@ def sign_of_delay(recording: Recording) -> float:
     return -1.0 if recording.torque_source == COMMANDED else 1.0
 
 
+def with_delay(recording: Recording, preparation: Preparation, delay: Array) -> Preparation:
+    """The preparation with δ = sign · d of a delay d, (1,) or (n,) [s]; with none where it is 0."""
+    late = tuple((sign_of_delay(recording) * delay).tolist())
+    stated = late[0] if len(late) == 1 else late
+    return replace(preparation, torque_delay_s=stated if any(late) else None)
+
+
 def recorded_delay(
     recording: Recording,
     lib: Library,

@@ -16,7 +16,7 @@ from runtime.library import Array, Library
 from runtime.recording import Recording
 from runtime.recording.friction.coupled_motors import Coupling, coupling_of, shape_of, spread
 from runtime.recording.friction.model import torque as friction_torque
-from runtime.recording.prepared import DifferentiatedRecording, prepared_of
+from runtime.recording.recording import complete_arrays
 
 __all__ = ["Samples", "samples_of", "thesis_weights"]
 
@@ -176,21 +176,23 @@ def samples_of(recording: Recording, lib: Library) -> Samples:
             "expected torques; write gain = [...] in N·m/A under [torque] of the recipe, with the "
             "gains of identify (result.json, current_gains) or of symgen gains"
         )
-    data = prepared_of(recording)
-    if data.q.shape[1] != n:
+    has_rows = recording.rows is not None
+    data = complete_arrays(recording, "dq", "tau", "rows" if has_rows else "ddq")
+    q, dq, tau, rows = data["q"], data["dq"], data["tau"], data.get("rows")
+    if q.shape[1] != n:
         raise IdentificationError(
-            f"the recording '{recording.name}' has {recording.q.shape[1]} joints, the robot "
+            f"the recording '{recording.name}' has {q.shape[1]} joints, the robot "
             f"'{lib.name}' has {n}: {', '.join(lib.joint_names)}"
         )
     coupling = coupling_of(recording)
-    known = lib.known_torque(data.q)
-    if isinstance(data, DifferentiatedRecording):
-        tau = data.tau - known
-        return Samples(data.q, data.dq, data.ddq, tau, data.columns, coupling=coupling)
-    tau = data.tau - (known * data.dq if data.rows.shape[1] == 1 else known)
-    if data.rows.shape[1] == 1:  # each column is scaled with the speed of what it belongs to
-        tau, coupling = tau.sum(axis=1, keepdims=True), None
-    return Samples(data.q, data.dq, None, tau, data.columns, coupling=coupling, base=data.rows)
+    known = lib.known_torque(q)
+    if rows is not None and rows.shape[1] == 1:
+        # Of power: each column is scaled with the speed of what it belongs to.
+        tau, coupling = (tau - known * dq).sum(axis=1, keepdims=True), None
+    else:
+        tau = tau - known
+    columns = data["columns"]
+    return Samples(q, dq, data.get("ddq"), tau, columns, coupling=coupling, base=rows)
 
 
 def residuals(lib: Library, samples: Samples, pi: Array, phi: Array) -> Array:

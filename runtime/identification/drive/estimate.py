@@ -15,7 +15,12 @@ from runtime.estimators.convex.eliminate_friction import reduce
 from runtime.estimators.convex.entropic_prior import CAD
 from runtime.estimators.gauss_newton import Linearised, gauss_newton
 from runtime.estimators.methods import chosen_method
-from runtime.estimators.regression.recorded_delay import LATEST_S, recorded_delay, sign_of_delay
+from runtime.estimators.regression.recorded_delay import (
+    LATEST_S,
+    recorded_delay,
+    sign_of_delay,
+    with_delay,
+)
 from runtime.identification.drive.feedback import (
     FEEDBACK,
     LinearisedDrive,
@@ -133,7 +138,7 @@ def identification_at(
     """
     recording, progress, (delay, bias) = problem.recording, problem.progress, problem.split(x)
     moved = recording.replace(q=recording.q + bias) if bias.any() else recording
-    preparation = _delayed(recording, problem.preparation, delay)
+    preparation = with_delay(recording, problem.preparation, delay)
     usual = replace(problem.settings, preparation=preparation)
     if removed is None:
         return identify_recording(moved, problem.lib, usual, progress=progress)
@@ -146,14 +151,6 @@ def identification_at(
     return identify_assembled(
         replace(assembly, problem=less, parts=(train, *assembly.parts[1:])), usual
     )
-
-
-def _delayed(recording: Recording, preparation: Preparation, delay: Array) -> Preparation:
-    """The preparation with δ = sign · d."""
-    late = tuple(float(x) for x in sign_of_delay(recording) * delay)
-    if not any(late):
-        return replace(preparation, torque_delay_s=None)
-    return replace(preparation, torque_delay_s=late[0] if len(late) == 1 else late)
 
 
 def linearised_at(

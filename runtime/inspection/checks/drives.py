@@ -1,8 +1,9 @@
-"""Checks of a commanded torque: its law, its delay, and the share of the drives.
+"""Checks of the delay of a torque, and of a commanded one: its law, and the share of the drives.
 
     τ(t − d) = Y π0 + F φ + J ddq
 
 A commanded torque includes what rotors and friction of the drives take before it reaches the links.
+The delay is that which `identify` estimates.
 """
 
 from dataclasses import dataclass, replace
@@ -12,8 +13,13 @@ import numpy as np
 
 from runtime.estimators.regression.dry_friction_choice import with_dry_friction
 from runtime.estimators.regression.posterior import least_squares
-from runtime.estimators.regression.recorded_delay import filtered, recorded_delay
-from runtime.estimators.regression.samples import Samples, samples_of
+from runtime.estimators.regression.recorded_delay import (
+    RecordedDelay,
+    filtered,
+    recorded_delay,
+    stated_delay,
+)
+from runtime.estimators.regression.samples import NORMAL_95, Samples, samples_of
 from runtime.inspection.finding import INFO, WARNING, Finding
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recipe, Recording
@@ -35,6 +41,13 @@ CLEAR = 3.0
 """Factor over its standard deviation from which on it is named."""
 LATE = 4.0
 """Delay over its standard deviation from which on it is to be corrected."""
+LONGEST_S, SHARE = 1.0, 0.1
+"""Largest delay of a measured torque that is tried [s], and its largest share of the duration."""
+LATE_GAIN = 0.03
+"""Share of the squared residual, geometric mean of the joints, that it must explain: 0.05 of 30 ms
+in motor currents; smaller ones change the result less than errors of the friction model."""
+LEAST_STEPS = 0.3
+"""The same delay in steps of the log from which on it is to be corrected."""
 
 
 def commanded(recording: Recording, plan: Recipe) -> list[Finding]:
@@ -103,6 +116,60 @@ def friction_of(recording: Recording, lib: Library, plan: Recipe) -> Friction:
     return with_dry_friction(recording, lib, plan.preparation, Friction(DRIVE), late=True)[0]
 
 
+def _delay(seen: RecordedDelay, of: str, remedy: str) -> tuple[Finding, str]:
+    """The delay as information, or that it is not determined; and its interval in words."""
+    profile, (low, high) = seen.profile, seen.interval_s
+    sizes = {"delay_s": seen.delay_s, "sigma_s": profile.sigma, "gain": profile.gain}
+    evidence: dict[str, Any] = {
+        **({"delay_s": None} if profile.is_flat else sizes),
+        "interval_s": [low, high],
+        "profile": {
+            "delay_s": [float(seen.sign * x) for x in profile.delays],
+            "loss": [float(x) for x in profile.loss],
+        },
+    }
+    sentence = (
+        f"the delay of the {of} torque is not determined: the loss is flat or least at an end of "
+        f"the range (interval {1e3 * low:.0f} to {1e3 * high:.0f} ms); record a faster motion"
+        f"{remedy}"
+    )
+    within = f"95 % interval {1e3 * low:.1f} to {1e3 * high:.1f} ms"
+    return Finding("delay", INFO, sentence, evidence), within
+
+
+def delay_of_measured(
+    recording: Recording, lib: Library, plan: Recipe, terms: Friction, *, has_gains: bool = True
+) -> list[Finding]:
+    """Delay of τ behind q: a warning where it is to be corrected, and the estimate in any case."""
+    reach, step = min(LONGEST_S, SHARE * recording.duration), 1.0 / recording.rate_hz
+    seen = recorded_delay(recording, lib, plan.preparation, terms, reach, has_gains=has_gains)
+    late, sigma, gain = seen.delay_s, seen.profile.sigma, seen.profile.gain
+    finding, within = _delay(seen, "measured", " to estimate it")
+    if seen.profile.is_flat:
+        return [finding]
+    sentence = (
+        f"the measured torque is stamped {1e3 * late:.1f} ms after the motion ({within}); friction "
+        "with a memory looks like a delay of some ms"
+    )
+    stated = replace(finding, sentence=sentence)
+    excess = late - stated_delay(plan.preparation)
+    if gain < LATE_GAIN or abs(excess) < max(LATE * sigma, LEAST_STEPS * step):
+        return [stated]
+    which = "later" if late > 0 else "earlier"
+    return [
+        Finding(
+            "time_shift",
+            WARNING,
+            f"τ is stamped {1e3 * abs(late):.2f} ms {which} than q (± {1e3 * NORMAL_95 * sigma:.2f}"
+            f" ms, {abs(late) / step:.2g} samples; up to {reach:.2g} s were searched): shifting it "
+            f"back removes {100 * gain:.0f} % of the squared residual; set torque_delay_s = "
+            f"{late:.2g} under [preparation]",
+            {"delay_s": late, "sigma_s": sigma, "gain": gain, "searched_s": reach},
+        ),
+        stated,
+    ]
+
+
 def delay(
     recording: Recording, lib: Library, plan: Recipe, terms: Friction
 ) -> tuple[Recipe, list[Finding]]:
@@ -112,39 +179,26 @@ def delay(
     """
     seen = recorded_delay(recording, lib, plan.preparation, terms)
     profile, value = seen.profile, seen.delay_s
-    low, high = seen.interval_s
-    evidence: dict[str, Any] = {
-        "interval_s": [low, high],
-        "profile": {
-            "delay_s": [float(seen.sign * x) for x in profile.delays],
-            "loss": [float(x) for x in profile.loss],
-        },
-    }
+    finding, within = _delay(seen, "commanded", ", or take the delay from the driver")
     if profile.is_flat:
-        sentence = (
-            "the delay of the commanded torque is not determined: the loss is flat or least at an "
-            f"end of the range (interval {1e3 * low:.0f} to {1e3 * high:.0f} ms); record a faster "
-            "motion, or take the delay from the driver"
-        )
-        return plan, [Finding("delay", INFO, sentence, {"delay_s": None, **evidence})]
-    evidence = {"delay_s": value, "sigma_s": profile.sigma, "gain": profile.gain, **evidence}
+        return plan, [finding]
     written = plan.preparation.torque_delay_s
     sentence = (
-        f"the commanded torque acts {1e3 * value:.1f} ms after its stamp (95 % interval "
-        f"{1e3 * low:.1f} to {1e3 * high:.1f} ms, with the links of the URDF)"
+        f"the commanded torque acts {1e3 * value:.1f} ms after its stamp ({within}, with the links "
+        "of the URDF)"
     )
     if written is not None:
         sentence += f"; the recipe has torque_delay_s = {written} under [preparation]"
-        return plan, [Finding("delay", INFO, sentence, evidence)]
+        return plan, [replace(finding, sentence=sentence)]
     if abs(value) < LATE * profile.sigma:
-        return plan, [Finding("delay", INFO, sentence, evidence)]
+        return plan, [replace(finding, sentence=sentence)]
     late = float(f"{seen.sign * value:.3g}")
     sentence += (
         f": shifting it removes {100 * profile.gain:.0f} % of the squared residual; estimate it "
         f"with identify --delay auto, or set torque_delay_s = {late:g} under [preparation]"
     )
     shifted = replace(plan.preparation, torque_delay_s=late)
-    return plan.replace(preparation=shifted), [Finding("delay", WARNING, sentence, evidence)]
+    return plan.replace(preparation=shifted), [replace(finding, level=WARNING, sentence=sentence)]
 
 
 @dataclass(frozen=True, slots=True)

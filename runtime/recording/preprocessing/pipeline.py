@@ -69,7 +69,7 @@ def prepare(
         rows: of the same recording and preparation, where only the friction differs.
 
     Returns:
-        The prepared recording; `runtime.recording.prepared` checks that it is complete.
+        The prepared recording.
 
     Raises:
         RecordingError: a step cannot be taken; the message says which setting to change.

@@ -12,7 +12,7 @@ from runtime.estimators.contradictions import sentence_of
 from runtime.estimators.regression.causes import Cause, Causes
 from runtime.estimators.regression.recorded_delay import DelayProfile, RecordedDelay
 from runtime.inspection import torque_checks as proposal
-from runtime.inspection.checks import model_fit, torque_delay, torque_signs
+from runtime.inspection.checks import drives, model_fit, torque_signs
 from runtime.inspection.checks.clock import _gaps, lost_rows
 from runtime.inspection.checks.drives import rotor
 from runtime.inspection.checks.file_layout import _untitled
@@ -190,16 +190,16 @@ def test_delay_of_a_parabola(monkeypatch, seconds, searched) -> None:
         reaches.append(arguments[4])
         return RecordedDelay(profile, 1.0)
 
-    monkeypatch.setattr(torque_delay, "recorded_delay", given)
+    monkeypatch.setattr(drives, "recorded_delay", given)
     log = sine(1.0, rate=100.0, seconds=seconds + 0.01)
-    shift, stated_delay = torque_delay.delay(log, None, Recipe(), Friction())
+    shift, stated_delay = drives.delay_of_measured(log, None, Recipe(), Friction())
     assert shift.evidence["delay_s"] == 0.1
     assert shift.evidence["sigma_s"] == pytest.approx(0.0025, rel=1e-2)
     assert shift.evidence["searched_s"] == pytest.approx(searched)
     assert reaches == [pytest.approx(searched)]
     assert stated_delay.evidence["interval_s"] == [0.0951, 0.1049]
     known = Recipe(preparation=Preparation(torque_delay_s=0.0995))
-    assert [f.kind for f in torque_delay.delay(log, None, known, Friction())] == ["delay"]
+    assert [f.kind for f in drives.delay_of_measured(log, None, known, Friction())] == ["delay"]
 
 
 @pytest.mark.parametrize("again", ["torque", "position"])

@@ -317,10 +317,7 @@ def move_to(
     speed: float = 0.1,
     say: Callable[[str], None] = lambda _: None,
 ) -> None:
-    """Let the robot follow a certified way from where it stands.
-
-    start (n,) [rad, m].
-    """
+    """Let the robot follow a certified way from where it stands: start (n,) [rad, m]."""
     here = driver.state().q
     if not np.abs(here - start).max() > NEAR:
         return

@@ -141,10 +141,7 @@ def prepared_columns(
 
 
 def errors_of(slopes: Array, phi: Array) -> Array:
-    """Torque per error of delay, ln z_c, ln v_s and w.
-
-    slopes (N, n, 8), phi (n, 7) → (N, n, 4).
-    """
+    """Torque per error of delay, ln z_c, ln v_s and w: slopes (N, n, 8), phi (n, 7) → (N, n, 4)."""
     return np.stack(
         [
             -slopes[..., 7],
@@ -157,10 +154,7 @@ def errors_of(slopes: Array, phi: Array) -> Array:
 
 
 def friction_columns(motion: Recording, gear: GearFriction) -> Array:
-    """Columns of a log at its full rate.
-
-    motion (N, n) → (N, n, 7).
-    """
+    """Columns of a log at its full rate: motion (N, n) → (N, n, 7)."""
     dq = motion.required("dq")
     angle = gear.waves * motion.q
     others = (dq, np.sin(angle), np.where(gear.waves > 0, np.cos(angle), 0.0))
@@ -170,10 +164,7 @@ def friction_columns(motion: Recording, gear: GearFriction) -> Array:
 
 
 def slope_columns(motion: Recording, gear: GearFriction, columns: Array) -> Array:
-    """Derivatives of the columns by the parameters of the gear.
-
-    motion (N, n) → (N, n, 8).
-    """
+    """Derivatives of the columns by the parameters of the gear: motion (N, n) → (N, n, 8)."""
     further = _with_memory(motion, gear, gear.stroke * np.exp(STEP))
     by_stroke = (further - columns[..., :MEMORY]) / STEP
     ratio = (motion.required("dq") / gear.peak_speed) ** 2

@@ -96,10 +96,7 @@ def within_bounds(
     bounds: Bounds,
     solve: Callable[[Statistics], tuple[Array, Array, Answer]],
 ) -> tuple[Array, Answer, Held]:
-    """Solve a least-squares problem with φ within bounds.
-
-    solve (n k,) → (n k,).
-    """
+    """Solve a least-squares problem with φ within bounds: solve (n k,) → (n k,)."""
     lower, upper = bounds.lower, bounds.upper
     columns = statistics.factor[:, statistics.n_base :]
     lengths = np.linalg.norm(columns, axis=0)

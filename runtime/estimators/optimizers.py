@@ -238,10 +238,7 @@ def adam_start(size: int) -> AdamState:
 def adam_step(
     state: AdamState, x: Array, gradient: Array, options: AdamOptions
 ) -> tuple[AdamState, Array]:
-    """Moments and point after one step.
-
-    x (size,), gradient (size,).
-    """
+    """Moments and point after one step: x (size,), gradient (size,)."""
     step = state.step + 1
     m = options.beta1 * state.m + (1 - options.beta1) * gradient
     v = options.beta2 * state.v + (1 - options.beta2) * gradient**2

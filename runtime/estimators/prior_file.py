@@ -131,10 +131,7 @@ def prior_about(lib: Library, guess: Array, centre: Array | None) -> Prior:
 
 
 def centre_of(stated: BodyTables, where: str, lib: Library) -> Array:
-    """Centre of a type.
-
-    Returns (10 n,) [kg, kg·m, kg·m²].
-    """
+    """Centre of a type, (10 n,) [kg, kg·m, kg·m²]."""
     require_known("centre", stated, lib.link_names, where)
     centre = lib.pi0.copy()
     for name, body in stated.items():
@@ -379,10 +376,7 @@ def _armature(stated: Stated, path: Path, lib: Library) -> Array | None:
 
 
 def friction_prior_of(armature: Array, columns: tuple[str, ...]) -> FrictionPrior:
-    """Prior of the friction coefficients.
-
-    armature (n, 2) [kg·m², kg] → (n, k).
-    """
+    """Prior of the friction coefficients: armature (n, 2) [kg·m², kg] → (n, k)."""
     if ROTOR.name not in columns:
         raise IdentificationError(
             "the prior states armature, but rotor inertia is not among the friction columns "

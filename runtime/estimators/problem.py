@@ -194,10 +194,7 @@ def best_friction(statistics: Statistics, pi: Array, shape: tuple[int, ...]) -> 
 
 
 def mass_unit(lib: Library, pi: Array) -> float:
-    """Unit of mass s of a robot, kg.
-
-    pi (10 n,) [kg, kg·m, kg·m²].
-    """
+    """Unit of mass s of a robot, kg: pi (10 n,) [kg, kg·m, kg·m²]."""
     middle = float(np.median(mass(links(pi))))
     if not middle > 0:
         middle = float(np.median(mass(links(lib.pi0))))

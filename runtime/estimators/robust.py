@@ -59,10 +59,7 @@ class RowWeights:
     joints: Array  # index of the joint with the largest residual of every row's block, (N,)
 
     def note(self, t: Array, names: Sequence[str]) -> str:
-        """Sentence on the blocks that count less.
-
-        t (N,) [s].
-        """
+        """Sentence on the blocks that count less: t (N,) [s]."""
         less = self.weights < 1.0
         if not less.any():
             return "robust: no row was down-weighted"

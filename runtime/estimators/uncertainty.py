@@ -334,10 +334,7 @@ def verdict(silent: bool, share: float) -> str:
 
 
 def beta_verdicts(base: Array, spread: Posterior, vague: Array) -> tuple[str, ...]:
-    """Verdicts on the base parameters β = K π.
-
-    base (n_b, 10 n), vague (10 n, 10 n) → (n_b,).
-    """
+    """Verdicts on the base parameters β = K π: base (n_b, 10 n), vague (10 n, 10 n) → (n_b,)."""
     tight, loose = (np.sum((base @ root) ** 2, axis=1) for root in (spread.root, vague))
     by_data = tight >= ALONE * loose
     return tuple(

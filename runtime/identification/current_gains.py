@@ -76,10 +76,7 @@ class GainRows:
         return int(self.slopes.shape[2])
 
     def noise(self, z: Array, c: Array) -> Array:
-        """Residual RMS of the channels.
-
-        z (w,), c (n,) [A/(N·m)] → (n,) [A].
-        """
+        """Residual RMS of the channels: z (w,), c (n,) [A/(N·m)] → (n,) [A]."""
         rest = self.current - c[:, None] * (self.model + self.slopes @ z)
         return np.asarray(np.sqrt(np.sum(rest**2, axis=1) / self.count))
 
@@ -188,10 +185,7 @@ def _directions(reduced: GainRows, c: Array, unit: Array) -> Array:
 def covariance_of_gains(
     reduced: GainRows, z: Array, c: Array, density: float, width: float
 ) -> Array:
-    """Covariance of ln |c| for a prior of `width` times its spread.
-
-    z (w,), c (n,) → (n, n).
-    """
+    """Covariance of ln |c| for a prior of `width` times its spread: z (w,), c (n,) → (n, n)."""
     unit = reduced.noise(z, c) * np.sqrt(density)
     J, n = reduced.jacobian(z, c, unit), len(c)
     first = reduced.current.size

@@ -124,10 +124,7 @@ def audit_mass(
 
 
 def joint_box(lib: Library) -> tuple[Array, Array]:
-    """Limits of the independent joints; where a joint has none, ±π rad or ±1 m.
-
-    Returns (n,) [rad, m].
-    """
+    """Limits of the independent joints; where a joint has none, ±π rad or ±1 m, (n,) [rad, m]."""
     limits = lib.limits()
     half = np.array([_HALF_RANGE.get(joint.kind, np.pi) for joint in lib.manifest.joints])
     lower, upper = limits["lower"], limits["upper"]

@@ -247,10 +247,7 @@ def friction_error(result: Identification) -> metrics.TorqueError | None:
 def torque_of(
     lib: Library, samples: Samples, pi: Array, phi: Array, learned: Learned | None = None
 ) -> Array:
-    """τ̂ of a model with its friction.
-
-    pi (10 n,), phi (n, k) → (N, n) [N·m, N].
-    """
+    """τ̂ of a model with its friction: pi (10 n,), phi (n, k) → (N, n) [N·m, N]."""
     tau = samples.rigid(lib, pi)
     if phi.size:
         tau = tau + samples.friction(phi)

@@ -24,10 +24,7 @@ MOST_TRIMMED = 0.05
 def commanded_torque(
     law: ControlLaw, motion: Mapping[str, FloatArray], parts: Mapping[str, FloatArray]
 ) -> tuple[FloatArray, str]:
-    """Torque of a control law.
-
-    motion (N, n) [rad, m], parts (N, n) → (N, n) [N·m, N].
-    """
+    """Torque of a control law: motion (N, n) [rad, m], parts (N, n) → (N, n) [N·m, N]."""
     q = motion["q"]
     n = q.shape[1]
     for kind, values in parts.items():

@@ -332,10 +332,7 @@ _EULER = ("base_position", "base_rpy")
 
 
 def pose_of(arrays: dict[str, NDArray], name: str, count: int) -> tuple[FloatArray, FloatArray]:
-    """Rotation and position of the base.
-
-    Returns (N, 3, 3) [m].
-    """
+    """Rotation and position of the base, (N, 3, 3) [m]."""
     missing = [key for key in _EULER if key not in arrays]
     if "imu_acceleration" in arrays and "base_rpy" not in missing and "base_pose" not in arrays:
         return _rotation(arrays, name, count), np.zeros((count, 3))

@@ -26,10 +26,7 @@ SHORTEST_STEP, LATEST = 1e-12, 1e12
 
 
 def require_clock(t: NDArray[np.float64]) -> None:
-    """Refuse a clock that stands still, goes back or has another unit.
-
-    t (N,) [s].
-    """
+    """Refuse a clock that stands still, goes back or has another unit: t (N,) [s]."""
     steps = np.diff(t)
     near, far = float(steps.min(initial=np.inf)), float(np.abs(t[[0, -1]]).max())
     if not near > 0.0:  # nor where a step is NaN

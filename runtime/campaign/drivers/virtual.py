@@ -97,10 +97,7 @@ class VirtualDriver(Driver):
         return self._time
 
     def place(self, q: Array) -> None:
-        """Put the robot at rest at a position.
-
-        q (n,) [rad, m].
-        """
+        """Put the robot at rest at a position: q (n,) [rad, m]."""
         plant = self._plant
         plant.q[:], plant.dq[:] = plant.sorted(np.asarray(q, dtype=float)), 0.0
         self._start, self._ticks = np.inf, 0

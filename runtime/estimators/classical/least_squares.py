@@ -138,10 +138,7 @@ def _is_optional(column: FrictionColumn) -> bool:
 
 
 def pi_of_beta(problem: Problem, beta: Array) -> Array:
-    """Return the π nearest to the first guess with K π = β.
-
-    beta (n_b,) → (10 n,).
-    """
+    """Return the π nearest to the first guess with K π = β: beta (n_b,) → (10 n,)."""
     guess, k = problem.lib.pi_from_lam(problem.start), problem.lib.base_matrix
     return np.asarray(guess + np.linalg.lstsq(k, beta - k @ guess, rcond=None)[0])
 
@@ -200,10 +197,7 @@ def fit_wls(problem: Problem) -> Fit:
 def reweighted(
     lib: Library, samples: Samples, terms: tuple[str, ...], known: NDArray[np.bool_] | None = None
 ) -> tuple[Solution, Array, str]:
-    """Solve by iteratively reweighted least squares.
-
-    known (n k,) → (n,).
-    """
+    """Solve by iteratively reweighted least squares: known (n k,) → (n,)."""
     return _reweighted(lib, lambda: (samples,), terms, known)
 
 
@@ -223,10 +217,7 @@ def _reweighted(
 
 
 def residual(lib: Library, samples: Samples, solution: Solution) -> Array:
-    """Residual τ − Y_b β − F φ.
-
-    Returns (N, n) [N·m, N].
-    """
+    """Residual τ − Y_b β − F φ, (N, n) [N·m, N]."""
     rigid = samples.base_rigid(lib, solution.beta)
     if solution.phi.size:
         rigid = rigid + samples.friction(solution.phi)
@@ -248,10 +239,7 @@ def variance_of(residuals: Iterable[Array]) -> Array:
 
 
 def weights_of(variance: Array, lib: Library) -> tuple[Array, str]:
-    """Weights 1 / var per joint.
-
-    variance (n,) → (n,).
-    """
+    """Weights 1 / var per joint: variance (n,) → (n,)."""
     least = max(SILENT * float(variance.max()), np.finfo(float).tiny ** 0.5)
     silent = variance < least
     names = ", ".join(np.array(lib.joint_names)[silent])
@@ -259,10 +247,7 @@ def weights_of(variance: Array, lib: Library) -> tuple[Array, str]:
 
 
 def with_torque(samples: Samples, tau: Array) -> Samples:
-    """Return the same motion with another torque.
-
-    tau (N, n) [N·m, N].
-    """
+    """Return the same motion with another torque: tau (N, n) [N·m, N]."""
     return replace(samples, tau=tau)
 
 

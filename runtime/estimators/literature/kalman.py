@@ -196,10 +196,7 @@ def prior_covariance(lib: Library, lam: Array) -> Array:
 
 
 def process_noise(spread: Array, dt: float) -> Array:
-    """Process noise of [q, dq] after a step.
-
-    spread (n, n) → (2 n, 2 n).
-    """
+    """Process noise of [q, dq] after a step: spread (n, n) → (2 n, 2 n)."""
     both = np.concatenate([dt / 2 * spread, spread])
     noise = np.asarray(both @ both.T)
     n = len(spread)

@@ -35,17 +35,11 @@ class Statistics:
         return len(self.base_matrix)
 
     def residual(self, pi: Array, phi: Array) -> Array:
-        """Residual R [K π; φ] − r.
-
-        pi (10 n,), phi (n, k) → (p,).
-        """
+        """Residual R [K π; φ] − r: pi (10 n,), phi (n, k) → (p,)."""
         return self.factor @ np.concatenate([self.base_matrix @ pi, phi.ravel()]) - self.target
 
     def value(self, pi: Array, phi: Array) -> float:
-        """Mean loss L = (‖R [K π; φ] − r‖² + ρ) / 2 N.
-
-        pi (10 n,), phi (n, k).
-        """
+        """Mean loss L = (‖R [K π; φ] − r‖² + ρ) / 2 N: pi (10 n,), phi (n, k)."""
         residual = self.residual(pi, phi)
         return float((residual @ residual + self.rest) / (2 * self.n_samples))
 

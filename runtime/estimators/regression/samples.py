@@ -227,10 +227,7 @@ def weights_from(sigma: Array, tau: Array) -> Array:
 
 
 def autocorrelation(rest: Array, lags: int = LAGS) -> Array:
-    """Autocorrelation ρ_l of the residuals of each joint.
-
-    rest (N, n) → (lags, n).
-    """
+    """Autocorrelation ρ_l of the residuals of each joint: rest (N, n) → (lags, n)."""
     out = np.zeros((lags, rest.shape[1]))
     for j, row in enumerate(np.ascontiguousarray(rest.T)):
         centred = row - row.mean()

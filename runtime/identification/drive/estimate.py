@@ -132,10 +132,7 @@ def _thinned(recording: Recording, preparation: Preparation) -> Preparation:
 def identification_at(
     problem: DriveProblem, x: Array, removed: tuple[Array, Array] | None = None
 ) -> Identification:
-    """Identification with known delay and biases.
-
-    removed (M,) [s].
-    """
+    """Identification with known delay and biases: removed (M,) [s]."""
     recording, progress, (delay, bias) = problem.recording, problem.progress, problem.split(x)
     moved = recording.replace(q=recording.q + bias) if bias.any() else recording
     preparation = with_delay(recording, problem.preparation, delay)

@@ -202,10 +202,7 @@ def mirrored_links(lib: Library, pairs: tuple[str, ...]) -> tuple[ConstraintRow,
 
 
 def mirror_image(turn: Array) -> Array:
-    """Map of the ten parameters of a body under x → Q x.
-
-    turn (3, 3) → (10, 10).
-    """
+    """Map of the ten parameters of a body under x → Q x: turn (3, 3) → (10, 10)."""
     image = np.zeros((N_PARAMETERS, N_PARAMETERS))
     image[MASS, MASS] = 1.0
     image[FIRST_MOMENT, FIRST_MOMENT] = turn

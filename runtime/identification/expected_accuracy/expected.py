@@ -366,10 +366,7 @@ def growth(
     more: MotionSamples | None = None,
     until: float = 0.0,
 ) -> Growth:
-    """Standard deviations at instants of a motion and after its end.
-
-    noise (n,) N·m or N.
-    """
+    """Standard deviations at instants of a motion and after its end: noise (n,) N·m or N."""
     length = moved.seconds
     within = np.geomspace(SOONEST * length, length, KNOTS)
     beyond = length + np.linspace(0.0, until, KNOTS // 2 + 1)[1:] if until else np.zeros(0)

@@ -54,10 +54,7 @@ class MotionSamples:
     def statistics(
         self, lib: Library, noise: Array, seconds: float | None = None, only: int | None = None
     ) -> Statistics:
-        """Factor of the rows over their noise.
-
-        noise (n,) N·m or N.
-        """
+        """Factor of the rows over their noise: noise (n,) N·m or N."""
         weights = 1 / noise**2
         if only is not None:
             weights = np.where(np.arange(len(noise)) == only, weights, 0.0)
@@ -90,10 +87,7 @@ class Noise:
 
 
 def planned_recording(trajectory: Trajectory, t: Array, lib: Library, name: str) -> Recording:
-    """A trajectory as a recording without torque.
-
-    t (N,) instants, s.
-    """
+    """A trajectory as a recording without torque: t (N,) instants, s."""
     q, dq, ddq, _ = trajectory.at(lib, t)
     return Recording(t, q, dq, ddq, name=name, joint_names=lib.joint_names)
 
@@ -164,10 +158,7 @@ def information_of_logs(
     noise: Array,
     friction: tuple[str, ...] = FRICTION,
 ) -> Array:
-    """Information G₀ on β in earlier logs.
-
-    noise (n,) → (n_b, n_b).
-    """
+    """Information G₀ on β in earlier logs: noise (n,) → (n_b, n_b)."""
     total = np.zeros((len(lib.base_columns),) * 2)
     for recording in recordings:
         require_plausible(recording, lib)

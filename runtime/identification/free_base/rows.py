@@ -70,10 +70,7 @@ _BLOCK = 512
 
 
 def reading_errors(lib: Library, motion: FreeBaseMotion) -> Array:
-    """Errors of the C readings per unit of each of the K unknown coefficients.
-
-    Returns (N, C, K) [1].
-    """
+    """Errors of the C readings per unit of each of the K unknown coefficients, (N, C, K) [1]."""
     contacts = motion.contacts
     count, size = contacts.wrench.shape[:2]
     parts = [np.zeros((count, size, 0))]

@@ -113,10 +113,7 @@ def pi_of_body(bodies: Bodies, mass: float, com: Array, inertia: Array) -> Array
 
 
 def jacobian(bodies: Bodies, pi: Array) -> Array:
-    """∂(mass, com, xx, yy, zz, xy, xz, yz)/∂π.
-
-    pi (10,) [kg, kg·m ×3, kg·m² ×6] → (10, 10).
-    """
+    """∂(mass, com, xx, yy, zz, xy, xz, yz)/∂π: pi (10,) [kg, kg·m ×3, kg·m² ×6] → (10, 10)."""
     P, unit = bodies.pseudo_inertia(pi)[0], bodies.basis
     m, h = P[3, 3], P[:3, 3]
     dm, dh = unit[:, 3, 3], unit[:, :3, 3]

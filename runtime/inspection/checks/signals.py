@@ -186,10 +186,7 @@ def rest(recording: Recording, plan: Recipe, lib: Library) -> list[Finding]:
 def rest_spans(
     recording: Recording, lib: Library, least_s: float = 0.3
 ) -> list[tuple[float, float]]:
-    """Intervals of rest.
-
-    Returns (from, to) [s].
-    """
+    """Intervals of rest, (from, to) [s]."""
     still = ~moving_joints(recording, lib).any(axis=1)
     t = recording.t
     spans = [(float(t[a]), float(t[b - 1])) for a, b in runs(np.asarray(still))]

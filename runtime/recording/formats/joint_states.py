@@ -185,10 +185,7 @@ class JointLog:
     _spool: Spool
 
     def table(self, key: str, name: str) -> LogTable:
-        """One field of the messages, or the time from the first message on.
-
-        Returns (N, n) [s].
-        """
+        """One field of the messages, or the time from the first message on, (N, n) [s]."""
         values = self.rows({"": key}, name).read(0, self.count)[""]
         return LogTable(values.copy(), np.arange(self.count, dtype=np.int64), self.remarks)
 

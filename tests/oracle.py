@@ -67,12 +67,16 @@ def random_states(n: int, count: int, seed: int) -> tuple[Array, Array, Array]:
 
 def ask_pinocchio(model: pinocchio.Model, lib: Library, count: int, seed: int = 0) -> Answers:
     """Everything at `count` random states, in the joint order of the library."""
+    return answers_at(model, lib, *random_states(lib.n_joints, count, seed))
+
+
+def answers_at(model: pinocchio.Model, lib: Library, q: Array, dq: Array, ddq: Array) -> Answers:
+    """Everything at states (N, n), in the joint order of the library."""
     ids = [model.getJointId(name) for name in lib.joint_names]
     columns = np.array([model.joints[i].idx_v for i in ids])
     blocks = np.concatenate([np.arange(10 * (i - 1), 10 * i) for i in ids])
     frame = model.getFrameId(lib.manifest.tip, pinocchio.BODY)
     data = model.createData()
-    q, dq, ddq = random_states(lib.n_joints, count, seed)
     tau, bias, rows, mass, pose, links = [], [], [], [], [], []
     for state in zip(q, dq, ddq, strict=True):
         x, v, a = (np.empty(len(columns)) for _ in range(3))

@@ -23,7 +23,7 @@ from bench.faults import virtual_arms
 from bench.free_base import icub
 from bench.front import Sheet, tell
 from bench.real_logs import FURTHER, LOGS, bare, library_of
-from bench.same_results_inputs import icub_walking
+from bench.same_results_inputs import icub_arrays
 from runtime.library import load
 from runtime.recording import read_recording, write_recording
 from runtime.recording.recipes.recipe_file import recipe_text
@@ -87,7 +87,7 @@ def _further(shared: Path, builds: Path, root: Path) -> Iterator[Log]:
     """A log without a fixed base, and those whose advice no fault of a log brings out."""
     folder = root / "icub"
     folder.mkdir()
-    icub_walking(folder / "log.npz", shared)
+    np.savez(folder / "log.npz", **icub_arrays(shared / "data/icub_feet/walking.npz"))
     robot = icub(shared / "data/icub_feet", builds).folder
     yield "iCub, walking", folder, ["log.npz", "--robot", str(robot)], ()
     clean = read_recording("fr3_simulated")

@@ -1,9 +1,7 @@
 """Artificial arms of any length, serial or branching, built with the timed kernels only."""
 
 import json
-import os
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -11,11 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from bench.batch import facts_of
+from bench.front import BenchError, shared
 from runtime.library import Library, load
 
 NEEDED = ("inverse_dynamics", "torque")
 """Kernels that are always built: one for the states, one by which the library is identified."""
-REAL = "models/universal_robots/ur5_robot.urdf"  # below $SYMGEN_DATA, default ../shared
+REAL = "models/universal_robots/ur5_robot.urdf"
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,14 +28,13 @@ class Arm:
 
 def every_arm(counts: tuple[int, ...], missing: dict[str, str]) -> Iterator[tuple[str, str, str]]:
     """Label, C name and URDF of every robot; small ones first."""
-    data = Path(os.environ.get("SYMGEN_DATA", Path(__file__).parents[3] / "shared"))
     for n in counts:
         yield f"serial, {n}", f"serial{n}", serial(n)
         if n == 6:
             try:
-                yield "UR5", "ur5", (data / REAL).read_text(encoding="utf-8")
-            except OSError:
-                missing["UR5"] = f"there is no {REAL} in '{data}'; set $SYMGEN_DATA"
+                yield "UR5", "ur5", (shared() / REAL).read_text(encoding="utf-8")
+            except (OSError, BenchError) as error:
+                missing["UR5"] = str(error)
         if n == 12:
             yield "two arms of 5 on a trunk of 2", "tree12", branching(2, 2, 5)
 
@@ -70,27 +68,12 @@ def build_arm(
         (folder / file).write_text(text, encoding="utf-8", newline="\n")
     per_level = [folder / file for file in PER_LEVEL if file in files]
     once = [folder / file for file in ONCE if file in files]
-    with _only(level):
-        made = compile_library(once, folder / f"lib{name}.so", per_level)
+    made = compile_library(once, folder / f"lib{name}.so", per_level, wanted=[level])
     record = {"sha256": made.sha256, "sources": {f: sha256_of(folder / f) for f in files}}
     (folder / "build.json").write_text(json.dumps(record))
     record_build(name, folder, made.sha256)
     operations = {kernel.name: facts_of(kernel).operations for kernel in kernels}
     return Arm(load(folder, level), operations, label)
-
-
-@contextmanager
-def _only(level: str) -> Iterator[None]:
-    """Compile for one level alone."""
-    from symgen.make import compiler
-
-    machine = compiler.machine()
-    every = compiler.LEVELS.get(machine, compiler.PORTABLE)
-    compiler.LEVELS[machine] = {level: every[level]}
-    try:
-        yield
-    finally:
-        compiler.LEVELS[machine] = every
 
 
 _AXES = ("1 0 0", "0 1 0", "0 0 1")

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from bench.front import Sheet, sheet_of
+from bench.same_results_inputs import DRIVER_HZ, icub_arrays
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.free_base.identify import FreeBaseIdentification, identify_free_base
 from runtime.identification.free_base.noise import VerticalForce, vertical_force
@@ -113,20 +114,6 @@ def sheet(rows: list[tuple]) -> Sheet:
 
 
 CUTOFFS = (1.0, 1.5, 2.0, 3.0, 5.0)  # low-passes of the walking log [Hz]
-DRIVER_HZ = 3.0
-"""First-order low-pass of the force sensors, the default of the robot's driver wholeBodyDynamics
-(forceTorqueFilterCutoffInHz), which its configuration leaves as it is. The model is identified in
-this band, and predicts in each."""
-SENSOR = (-0.0035, 0.0, -0.0605)
-"""Place of the force sensor of either foot in the frame of its link by the URDF, where both have
-the same axes [m]."""
-CROSSTALK = (0.0, 0.5)
-"""Standard deviation of what the sensors read of moments about x and y [N per N·m]: 0.39 to 0.69 in
-the secondary calibration of this robot's leg sensors (robots-configuration, iCubGenova04)."""
-OFFSET_N = 6.6
-"""Standard deviation of the offset of a foot's sensor, 2 % of the weight of the robot [N]."""
-SHARING = 0.1
-"""Standard deviation of γ, the relative error of the sensors while both feet carry load."""
 SHARE_OF_URDF, MOST = 0.8, 2.0
 """Goal of the error: share of the URDF's, and largest value [% of the weight]."""
 TRIM_S = 0.3  # rows at either end that are left out of the walking log [s]
@@ -151,19 +138,8 @@ def icub(data: Path, folder: Path) -> Library:
 
 def walking(data: Path, folder: Path) -> Sheet:
     """iCub: first half of the log for the second half, at several low-passes."""
-    log = open_npz((data / "walking.npz").read_bytes(), "walking.npz")
     lib = icub(data, folder)
-    arrays = {key: log[key] for key in ("q", "joints", "base_rpy")} | {
-        "t": log["t"] - log["t"][0],
-        "base_position": log["base_pos"],
-        "contact_links": np.array(["l_ankle_2", "r_ankle_2"]),
-        "contact_position": np.array([SENSOR, SENSOR]),
-        "contact_force_z": np.stack([log["lf_fz"], log["rf_fz"]], axis=1),
-        "contact_force_z_sigma": np.full(2, OFFSET_N),
-        "contact_force_z_sharing": np.array(SHARING),
-        "contact_force_z_crosstalk": np.array(CROSSTALK),
-        "contact_force_z_cutoff": np.array(DRIVER_HZ),
-    }
+    arrays = icub_arrays(data / "walking.npz")
     recording = free_base_of(arrays, "walking.npz")
 
     def identified(read: FreeBaseRecording, cutoff: float = DRIVER_HZ) -> FreeBaseIdentification:

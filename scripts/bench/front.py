@@ -6,9 +6,10 @@ import os
 import resource
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from string import Formatter
 from typing import Any
 
 from rich.console import Console
@@ -52,15 +53,26 @@ class Sheet:
         return "\n".join([markdown(self.head, self.lines), *filter(None, [self.below])])
 
 
-def sheet_of(name: str, columns: dict[str, str], rows: list[Sequence[Any]], **more: Any) -> Sheet:
-    """Table of values; columns are heads and formats, rows have their values in this order."""
-    forms = columns.values()
-    lines = [
-        ["" if v is None else format(v, form) for v, form in zip(row, forms, strict=True)]
-        for row in rows
-    ]
-    facts = [dict(zip(columns, row, strict=True)) for row in rows]
-    return Sheet(name, [*columns], lines, facts, **more)
+class _Cells(Formatter):
+    """Formats of cells; one without a value is empty."""
+
+    def format_field(self, value: Any, spec: str) -> str:
+        return "" if value is None else super().format_field(value, spec)
+
+
+def sheet_of(name: str, columns: dict[str, str], rows: Sequence[Any], **more: Any) -> Sheet:
+    """Table of rows by heads and formats: of sequences in this order, `{key:.1f}` of records."""
+    cells, lines, plain = _Cells(), [], []
+    for row in rows:
+        is_sequence = isinstance(row, tuple | list)
+        known = dict(zip(columns, row, strict=True)) if is_sequence else row
+        plain.append(known if isinstance(known, Mapping) else asdict(known))
+        if is_sequence:
+            pairs = zip(row, columns.values(), strict=True)
+            lines.append([cells.format_field(value, form) for value, form in pairs])
+        else:
+            lines.append([cells.vformat(form, (), plain[-1]) for form in columns.values()])
+    return Sheet(name, [*columns], lines, **{"facts": plain} | more)
 
 
 def markdown(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:

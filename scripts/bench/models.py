@@ -13,13 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.arms import branching, serial
-from bench.front import Sheet, python
+from bench.front import Sheet
 from runtime.library import Library, load, to_pinocchio_order
 from symgen.errors import SymgenError
 from symgen.inspect import inspect_file
 from symgen.make.pipeline import build
-from symgen.make.request import BuildRequest
 from tests.oracle import Array, ask_pinocchio, pinocchio_model, with_parameters
 from tests.robots import CASES, DATA, MORE, Case
 
@@ -58,57 +56,6 @@ def study(models: Path, names: list[str]) -> Iterator[Row]:
                 yield _row(name, case, models, folder)
             finally:
                 shutil.rmtree(folder, ignore_errors=True)
-
-
-def commands(name: str, models: Path) -> Iterator[tuple[str, float, str]]:
-    """Every command on a robot in an empty folder: its words, seconds, and what went wrong."""
-    with tempfile.TemporaryDirectory(prefix="check_models.") as home:
-        made = build(_request(name, models), Path(home) / "generated", levels=["portable"])
-        joints = json.loads((made.folder / "manifest.json").read_text(encoding="utf-8"))["joints"]
-        for words, fine in _CHAIN:
-            known = {"robot": name, "urdf": made.folder / f"{name}.urdf"}
-            line = words.format(**known, link=joints[-1]["link"]).split()
-            start = time.perf_counter()
-            ran = python("-m", *line, folder=Path(home))
-            error = "" if ran.returncode in fine else ran.stderr.strip()[-500:] or "failed"
-            yield words, time.perf_counter() - start, error
-
-
-def _request(name: str, models: Path) -> BuildRequest:
-    if name in MADE:
-        return BuildRequest(name, MADE[name])
-    return (CASES | MORE)[name].request(name, models)
-
-
-MADE = {"serial1": serial(1), "serial2": serial(2), "tree12": branching(3, 3, 3)}
-"""Generated robots: one and two joints, and twelve with three arms on a trunk."""
-
-_LOG = "--cutoff 10 --settings rate=100 --friction viscous,coulomb"
-_CHAIN = (
-    ("symgen describe {robot}", {0}),
-    ("symgen inspect {urdf}", {0, 1}),
-    ("runtime excite --robot {robot} --duration 5 --settings starts=2 --out motion.json", {0}),
-    ("runtime predict motion.json --robot {robot}", {0}),
-    ("runtime view motion.json --robot {robot} --export film.html", {0}),
-    (
-        "runtime simulate --robot {robot} --trajectory motion.json --settings keep_every=5 "
-        "--out log.csv",
-        {0},
-    ),
-    ("runtime inspect log.csv --robot {robot} --recipe-out recipe.toml", {0, 1}),
-    (f"runtime identify log.csv --robot {{robot}} {_LOG} --out mine", {0}),
-    ("runtime identify log.csv --robot {robot} --recipe recipe.toml --out proposed", {0}),
-    ("runtime evaluate mine log.csv --robot {robot}", {0}),
-    (
-        "runtime payload log.csv --robot {robot} --settings link={link} --model mine --settings "
-        "cutoff=10",
-        {0},
-    ),
-    (f"runtime compare log.csv --robot {{robot}} --methods map,pc-ols,ols {_LOG}", {0}),
-    ("runtime report mine", {0}),
-    ("runtime export mine --robot {robot}", {0}),
-)
-"""Command and its expected exit codes; 1 is a finding about a robot or a log."""
 
 
 def sheet(rows: list[Row]) -> Sheet:

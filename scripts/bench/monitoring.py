@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.coverage import COULOMB, NOISE, SPREAD, TERMS, VISCOUS
+from bench.coverage import COULOMB, NOISE, TERMS, VISCOUS
 from bench.fleet import FILTERED, joined
 from runtime import Recording, choose_default_friction
 from runtime.estimators.convex.entropic_prior import CAD
@@ -47,7 +47,7 @@ from runtime.recording.preprocessing import prepare
 from runtime.simulation import Plant, ideal
 from runtime.simulation.box_payload import Box, pi_from_pseudo
 from runtime.simulation.settings import settings_of
-from runtime.simulation.virtual_robot import perturbed, record
+from runtime.simulation.virtual_robot import record
 
 OF_ARM = Friction(("viscous", "coulomb", "offset"))
 
@@ -91,28 +91,6 @@ def resumed(
             with done.open("a") as file:
                 file.write(json.dumps([*key, *row]) + "\n")
     return [known[key] for key in keys]
-
-
-def draws_coverage(
-    lib: Library, designs: tuple[Trajectory, ...], trials: int, draws: int
-) -> tuple[float, float]:
-    """Share of the true torques of another motion within the 95 % band of drawn models."""
-    inside, consistent = [], []
-    for trial in range(trials):
-        rng = np.random.default_rng([4, trial])
-        pi = perturbed(lib, lib.pi0, SPREAD, rng)
-        plant = Plant(pi, viscous=VISCOUS, coulomb=COULOMB, torque_noise=NOISE)
-        known = known_of(lib, ideal(lib, designs[0], plant, rng=rng), TERMS, gain_sigma=0.0)
-        drawn = draw_models(lib, known.saved, known.posterior, draws, rng)
-        consistent.append(float((lib.relative_eigenvalues(drawn.pi) > 0).mean()))
-        other: Recording = ideal(lib, designs[1], plant).take(slice(None, None, 10), "thinned")
-        tau = np.stack([lib.inverse_dynamics(other.q, other.dq, other.ddq, pi) for pi in drawn.pi])
-        columns = [other.dq, np.tanh(other.dq / TERMS.coulomb_speed), np.ones_like(other.dq)]
-        for k, column in enumerate(columns):
-            tau += column * drawn.phi[:, None, :, k]
-        low, high = np.quantile(tau, [0.025, 0.975], axis=0)
-        inside.append(float(np.mean((other.tau >= low) & (other.tau <= high))))
-    return float(np.mean(inside)), float(np.mean(consistent))
 
 
 def ranks_of_draws(

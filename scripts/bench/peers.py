@@ -9,15 +9,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Any
-from xml.etree.ElementTree import tostring
 
 import numpy as np
-from defusedxml.ElementTree import fromstring
 from numpy.typing import NDArray
 
 from bench.batch import Batch
 from bench.front import BenchError
-from runtime.library import Array, Library
+from runtime.library import Array, Library, to_pinocchio_order
 
 REGRESSOR = "computeJointTorqueRegressor"
 
@@ -65,19 +63,10 @@ def one_by_one(batch: Batch, one: Callable[..., object], *arrays: Array) -> Call
 def pinocchio_model(lib: Library) -> tuple[Any, list[int]]:
     """Pinocchio's model of the robot and its joints' indices in our order."""
     try:
-        import pinocchio
+        from tests import oracle
     except ImportError:
         raise BenchError("the wheel of Pinocchio (pip install pin) is not installed") from None
-    robot = fromstring(lib.urdf())
-    for joint in robot.iter("joint"):
-        if joint.get("type") == "continuous":  # two numbers per joint there, one here
-            joint.set("type", "revolute")
-            limit = joint.find("limit")
-            limit = joint.makeelement("limit", {}) if limit is None else limit
-            joint.append(limit)
-            limit.attrib.update(lower="-9", upper="9", effort="1", velocity="1")
-    model = pinocchio.buildModelFromXML(tostring(robot, "unicode"))
-    model.gravity.linear = lib.gravity
+    model = oracle.pinocchio_model(lib.urdf(), lib.gravity)
     return model, [model.getJointId(name) for name in lib.joint_names]
 
 
@@ -223,43 +212,34 @@ def oracle(lib: Library, batch: Batch) -> dict[str, Array]:
     ∂τ/∂λ is Pinocchio's regressor times ∂π/∂λ of the library, link by link; the residual of the
     loss is Pinocchio's torque less the measured one.
     """
-    pin, model, ids, columns, order = pinocchio_in_order(lib)
-    data = model.createData()
-    parameters = parameter_order(ids)
-    base, tip = (model.getFrameId(name) for name in (lib.manifest.base, lib.manifest.tip))
-    blocks = lib.pi_jacobian(batch.lam)
-    results: dict[str, list[Array]] = {}
+    pin, model, _, columns, order = pinocchio_in_order(lib)
+    from tests.oracle import answers_at
 
-    def enter(name: str, value: Array) -> None:
-        results.setdefault(name, []).append(np.ravel(value).copy())
-
-    for q, dq, ddq, tau in zip(batch.q, batch.dq, batch.ddq, batch.tau, strict=True):
-        state = (q[order], dq[order], ddq[order])
-        torque = pin.rnea(model, data, *state)[columns].copy()
-        for name in ("inverse_dynamics", "base_inverse_dynamics", "torque"):
-            enter(name, torque)
-        enter("loss_gradient", torque - tau)
-        y = pin.computeJointTorqueRegressor(model, data, *state)[columns][:, parameters]
-        enter("regressor", y)
-        enter("base_regressor", y[:, lib.base_columns])
-        by_link = y.reshape(len(y), -1, 10).transpose(1, 0, 2) @ blocks
-        enter("torque_jacobian", by_link.transpose(1, 0, 2))
-        mass = np.triu(pin.crba(model, data, q[order]))
-        mass = mass + np.triu(mass, 1).T
-        enter("mass_matrix", mass[np.ix_(columns, columns)])
-        enter("forward_dynamics", pin.aba(model, data, *state[:2], tau[order])[columns])
-        pin.framesForwardKinematics(model, data, q[order])
-        enter("end_effector", data.oMf[base].actInv(data.oMf[tip]).homogeneous)
-    return {name: np.array(rows) for name, rows in results.items()}
-
-
-_OUR_ORDER = np.array([0, 1, 2, 3, 4, 6, 9, 5, 7, 8])
-"""[m, mX, mY, mZ, XX, YY, ZZ, XY, XZ, YZ] among [m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz]."""
+    data, n = model.createData(), batch.size
+    a = answers_at(model, lib, batch.q, batch.dq, batch.ddq)
+    y = np.empty_like(a.regressor)
+    y[..., to_pinocchio_order(np.arange(10.0 * lib.n_links)).astype(int)] = a.regressor
+    by_link = np.einsum(
+        "njlk,lkm->njlm", y.reshape(n, -1, lib.n_links, 10), lib.pi_jacobian(batch.lam)
+    )
+    states = zip(batch.q[:, order], batch.dq[:, order], batch.tau[:, order], strict=True)
+    results = {
+        **dict.fromkeys(("inverse_dynamics", "base_inverse_dynamics", "torque"), a.tau),
+        "loss_gradient": a.tau - batch.tau,
+        "regressor": y,
+        "base_regressor": y[..., list(lib.base_columns)],
+        "torque_jacobian": by_link,
+        "mass_matrix": a.mass,
+        "forward_dynamics": np.array([pin.aba(model, data, *x)[columns] for x in states]),
+        "end_effector": a.pose,
+    }
+    return {name: rows.reshape(n, -1) for name, rows in results.items()}
 
 
 def parameter_order(ids: list[int]) -> NDArray[np.intp]:
     """Columns of Pinocchio's regressor in our order, for its joints `ids`."""
-    return np.concatenate([10 * (i - 1) + _OUR_ORDER for i in ids])
+    ours = np.argsort(to_pinocchio_order(np.arange(10.0)))
+    return np.concatenate([10 * (i - 1) + ours for i in ids])
 
 
 def deviation(ours: Array, theirs: Array) -> float:

@@ -6,10 +6,10 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from bench.front import ROOT, BenchError, Sheet
+from bench.front import ROOT, BenchError, Sheet, sheet_of
 
 _IDENTIFY = ("-m", "runtime", "identify", "{log}", "--robot", "fr3", "--out", "out", "--overwrite")
 _CONSOLE = "from symgen.cli.console import main; main()"
@@ -24,17 +24,8 @@ _BUILD = ("-m", "symgen", "build", "--urdf", "arm.urdf", "--name", "arm", "--set
 LONGEST_BUILD = 9.0  # CPU time of a build of an arm of seven joints, at most [s]
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
-    """CPU time of one command and its bar [s]."""
-
-    work: str
-    seconds: float
-    goal: float
-
-
-def measure(rounds: int, log: str, only_imports: bool = False) -> list[Row]:
-    """Medians of `rounds` runs; the build of the FR3 under another name once."""
+def measure(rounds: int, log: str, only_imports: bool = False) -> list[dict[str, Any]]:
+    """CPU time and bar [s], medians of runs; the build of the FR3 under another name once."""
     if rounds < 1:
         raise BenchError(f"expected at least one round, got {rounds}")
     with tempfile.TemporaryDirectory() as name:
@@ -43,13 +34,15 @@ def measure(rounds: int, log: str, only_imports: bool = False) -> list[Row]:
             command = [word.format(log=log) for word in words]
             _cpu(folder, command)  # compiles and reads what later runs find
             seconds = statistics.median(_cpu(folder, command) for _ in range(rounds))
-            rows.append(Row(label.format(log=log), seconds, goal))
+            rows.append({"work": label.format(log=log), "seconds": seconds, "goal": goal})
         if not only_imports:
             text = (ROOT / "symgen/robots/fr3.urdf").read_text(encoding="utf-8")
             text = text.replace('name="fr3"', 'name="arm"', 1)
             (folder / "arm.urdf").write_text(text, encoding="utf-8")
             seconds = _cpu(folder, (*_BUILD, "--out", str(folder / "generated")))
-            rows.append(Row("build --urdf, 7 joints", seconds, LONGEST_BUILD))
+            rows.append(
+                {"work": "build --urdf, 7 joints", "seconds": seconds, "goal": LONGEST_BUILD}
+            )
     return rows
 
 
@@ -72,7 +65,7 @@ def _cpu(folder: Path, words: Sequence[str]) -> float:
     return used.ru_utime + used.ru_stime
 
 
-def sheet(rows: list[Row]) -> Sheet:
+def sheet(rows: list[dict[str, Any]]) -> Sheet:
     """One line per command."""
-    lines = [(row.work, f"{row.seconds:.2f}", f"≤ {row.goal:g}") for row in rows]
-    return Sheet("bench_start", ("work", "CPU s", "goal"), lines, rows)
+    columns = {"work": "{work}", "CPU s": "{seconds:.2f}", "goal": "≤ {goal:g}"}
+    return sheet_of("bench_start", columns, rows)

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.front import ROOT, Sheet, peak_memory, python
+from bench.front import ROOT, Sheet, peak_memory, python, sheet_of
 from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification.long_logs import blocks_of
@@ -183,5 +183,4 @@ COLUMNS = {
 
 def sheet(rows: list[dict[str, Any]]) -> Sheet:
     """One line per file."""
-    lines = [[form.format_map(row) for form in COLUMNS.values()] for row in rows]
-    return Sheet("bench_stream", [*COLUMNS], lines, rows, "A log that stays in its file")
+    return sheet_of("bench_stream", COLUMNS, rows, title="A log that stays in its file")

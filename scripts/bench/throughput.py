@@ -9,14 +9,14 @@ of some milliseconds, because a shared machine only adds to times.
 import importlib.util
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from bench import ours
 from bench.batch import make_batch
 from bench.compiled import find
-from bench.front import Sheet, python
+from bench.front import Sheet, python, sheet_of
 from bench.ours import Contender, Ours
 from runtime.common.threads import cores
 from runtime.library import Library
@@ -114,9 +114,8 @@ def _frax(precision: str, seconds: float) -> Rate:
 
 def sheet(rows: list[Rate]) -> Sheet:
     """One line per program."""
-    head = ("program", "precision", "million torques per second", "remark")
-    lines = [
-        (r.work, r.precision, "–" if r.rate is None else f"{r.rate / 1e6:.3g}", r.remark)
-        for r in rows
-    ]
-    return Sheet("bench_throughput", head, lines, rows, "Torques per second on all cores")
+    facts = [asdict(r) | {"M": "–" if r.rate is None else f"{r.rate / 1e6:.3g}"} for r in rows]
+    columns = {"program": "{work}", "precision": "{precision}"}
+    columns |= {"million torques per second": "{M}", "remark": "{remark}"}
+    title = "Torques per second on all cores"
+    return sheet_of("bench_throughput", columns, facts, facts=rows, title=title)

@@ -22,7 +22,7 @@ from runtime.excitation import Trajectory
 from runtime.experiments.trials import document_robot
 from runtime.identification import metrics
 from runtime.identification.payload.arm import arm_model
-from runtime.identification.payload.body import mount_of
+from runtime.identification.payload.body import mount_of, pi_of_body
 from runtime.identification.single_log import identify_recording as fit
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation
@@ -116,11 +116,7 @@ def weigh(
 ) -> Weighed:
     """Identify a box from logs of 10 s at 100 Hz with white torque noise."""
     mount = mount_of(lib, lib.link_names[-1])
-    body = np.zeros(10)
-    body[:4] = TRUTH[0], *TRUTH[0] * COM
-    steiner = TRUTH[0] * (COM @ COM * np.eye(3) - np.outer(COM, COM))
-    about = np.diag(TRUTH[4:7]) + steiner
-    body[4:] = *np.diag(about), about[0, 1], about[0, 2], about[1, 2]
+    body = pi_of_body(mount.bodies, TRUTH[0], COM, np.diag(TRUTH[4:7]))
     run = ideal(lib, trajectory, Plant(lib.pi0))
     columns = lib.regressor(run.q, run.dq, run.ddq)[:, :, mount.columns]
     box = columns @ np.linalg.solve(mount.to_frame, body)

@@ -69,10 +69,7 @@ def session_plan(
     share: float,
     zero_jerk: bool,
 ) -> SessionPlan:
-    """Ways of --from and --return.
-
-    start (n,) [rad, m].
-    """
+    """Ways of --from and --return; start: (n,) [rad, m]."""
     if given.from_pose is None or safety is None:
         if given.returns:
             raise RuntimeFault(
@@ -87,10 +84,7 @@ def session_plan(
 
 
 def pose_of(lib: Library, text: str) -> Array:
-    """Pose of --from.
-
-    Returns (n,) [rad, m].
-    """
+    """Pose of --from, (n,) [rad, m]."""
     if text == HOME:
         return lib.home
     if not Path(text).suffix or not Path(text).exists():

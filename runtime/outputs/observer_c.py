@@ -323,10 +323,7 @@ int main(void)
 
 
 def observer_c(lib: Library, detector: Detector, band: Array) -> dict[str, str]:
-    """Texts of observer.h, observer.c and example_observer.c.
-
-    band (n,) [N·m, N].
-    """
+    """Texts of observer.h, observer.c and example_observer.c; band: (n,) [N·m, N]."""
     model, s = detector.model, detector.settings
     inertial = model.inertial
     names = [

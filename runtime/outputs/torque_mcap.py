@@ -41,10 +41,7 @@ NANO = 1_000_000_000
 
 
 def torque_mcap(names: Sequence[str], data: Recording, seen: Observation) -> bytes:
-    """MCAP file of an observed log; instants count from 0 of the log.
-
-    seen (N, n) [N·m, N].
-    """
+    """MCAP file of an observed log; instants count from 0 of the log; seen: (N, n) [N·m, N]."""
     mcap = imported("mcap.writer", "MCAP files")
     tau, dq = data.required("tau"), data.required("dq")
     out = BytesIO()

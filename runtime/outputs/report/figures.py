@@ -139,10 +139,7 @@ def method_bars(
     rms: Array,
     good: Sequence[bool],
 ) -> Markup:
-    """One panel per joint with a bar of the RMS torque error per method.
-
-    rms (m, n) [N·m, N].
-    """
+    """One panel per joint with a bar of the RMS torque error per method; rms: (m, n) [N·m, N]."""
     m, n = rms.shape
     columns = min(n, 4)
     lines = -(-n // columns)

@@ -105,7 +105,6 @@ def pose_of(lib: Library, text: str) -> Array:
 class ApproachSettings(MotionChoices):
     """Settings of `symgen approach`."""
 
-    command = "approach"
     options = "robot from_pose returns table obstacles carry export speed out overwrite"
     motion: Path = argument_field(metavar="MOTION", help="JSON of excite.")
     from_pose: str = method_field(..., "--from", metavar="POSE", help=FROM)

@@ -26,7 +26,6 @@ NOT_REACHED = 1
 class CampaignSettings(PlaceChoices):
     """Settings of `symgen campaign`."""
 
-    command = "campaign"
     options = "target robot out duration driver table obstacles as_json"
     target: str = method_field(
         ..., metavar="v=5mNm|a=1.5%|payload=5g", help="Standard deviation to reach."

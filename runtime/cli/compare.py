@@ -56,7 +56,6 @@ _WRITTEN = ResultFolder("compare", ("compare.json", "compare.md", "report.html",
 class CompareSettings(FitChoices):
     """Settings of `symgen compare`."""
 
-    command = "compare"
     options = "robot methods out recipe run friction cutoff overwrite"
     log: Log
     other: Path | None = argument_field(

@@ -23,7 +23,6 @@ from runtime.recording.free_base import read_free_base
 class EvaluateSettings(LaterLogChoices):
     """Settings of `symgen evaluate`."""
 
-    command = "evaluate"
     options = "robot recipe run cutoff as_json"
     as_json: bool = output_field(False, "--json", help="Print JSON instead.")
 

@@ -74,7 +74,6 @@ OF_TARGET = (
 class ExciteSettings(MotionChoices):
     """Settings of `symgen excite`."""
 
-    command = "excite"
     options = (
         "robot duration budget criterion noise table box obstacles carry from_pose returns "
         "until export speed out"

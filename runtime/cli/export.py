@@ -30,7 +30,6 @@ def _list_formats(wanted: bool) -> None:
 class ExportSettings(ResultChoices):
     """Settings of `symgen export`."""
 
-    command = "export"
     options = "to out robot overwrite formats"
     to: str | None = output_field(
         metavar="A,B,…",

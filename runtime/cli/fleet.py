@@ -35,7 +35,6 @@ SHOWN = 20
 class FleetSettings(OfResult):
     """Settings of `symgen fleet`."""
 
-    command = "fleet"
     options = "out robot overwrite as_json"
     folder: Path = argument_field(
         metavar="DIR", help="Folder with results of identify --settings save_statistics=true."

@@ -31,7 +31,6 @@ _STALE = ("posterior.npz", "statistics.npz")
 class FrictionSettings(LaterLogChoices):
     """Settings of `symgen friction`."""
 
-    command = "friction"
     options = "robot out recipe run cutoff overwrite"
     out: Path | None = output_field(
         metavar="FOLDER", help="Folder of the result; default results/LOG-friction."

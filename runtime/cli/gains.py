@@ -39,7 +39,6 @@ _WIDEST = 100.0
 class GainsSettings(BodyChoices):
     """Settings of `symgen gains`."""
 
-    command = "gains"
     options = "payload total_mass robot recipe run recipe_out overwrite"
     empty: str = argument_field(metavar="EMPTY", help="A log without payload.")
     loaded: str | None = argument_field(

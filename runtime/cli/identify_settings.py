@@ -30,7 +30,6 @@ from runtime.recording.recipes.recipe_file import load_recipe
 class IdentifySettings(FitChoices):
     """Settings of `symgen identify`."""
 
-    command = "identify"
     options = "robot recipe run method friction cutoff delay prior split out overwrite"
     logs: list[str] = argument_field(
         metavar="LOG...",

@@ -26,7 +26,6 @@ _STYLES = {ERROR: "red", WARNING: "yellow", INFO: "dim"}
 class InspectSettings(RobotChoices):
     """Settings of `symgen inspect`."""
 
-    command = "inspect"
     options = "robot recipe run recipe_out plot overwrite as_json strict"
     log: Log
     recipe: str | None = data_field(

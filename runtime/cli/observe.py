@@ -70,7 +70,6 @@ SHOWN = 20
 class ObserveSettings(OfResult):
     """Settings of `symgen observe`."""
 
-    command = "observe"
     options = "model out free robot overwrite recipe run as_json"
     log: Log
     model: Path = data_field(..., "--model", metavar="RESULT", help="Folder written by identify.")

@@ -26,7 +26,6 @@ _UNITS = ("kg", *("m",) * 3, *("kg·m²",) * 6)
 class PayloadSettings(BodyChoices):
     """Settings of `symgen payload`."""
 
-    command = "payload"
     options = "robot empty model out recipe run overwrite as_json"
     log: str = argument_field(metavar="LOG", help="A log of the arm with the payload.")
     empty: str | None = data_field(

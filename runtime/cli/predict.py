@@ -71,7 +71,6 @@ SAME = "same"
 class PredictSettings(LogChoices):
     """Settings of `symgen predict`."""
 
-    command = "predict"
     options = "robot noise more recipe cutoff overwrite as_json"
     trajectory: str = argument_field(
         metavar="MOTION",

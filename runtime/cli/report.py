@@ -17,7 +17,6 @@ from runtime.outputs.report.trends import write_trends
 class ReportSettings(Choices):
     """Settings of `symgen report`."""
 
-    command = "report"
     options = "out open overwrite"
     results: Path = argument_field(
         metavar="RESULTS",

@@ -28,7 +28,6 @@ DIFFERENT = 1
 class RerunSettings(Choices):
     """Settings of `symgen rerun`."""
 
-    command = "rerun"
     options = ""
     result: Path = argument_field(metavar="RESULT", help=f"Folder or file with a {FILE} beside it.")
     yes: Yes = False

@@ -43,7 +43,6 @@ MOST = 100_000
 class SampleSettings(ResultChoices):
     """Settings of `symgen sample`."""
 
-    command = "sample"
     options = "count to out robot overwrite"
     count: int = output_field(100, metavar="N", help="Number of models.")
     to: str = output_field(

@@ -68,7 +68,6 @@ Made = tuple[Recording, dict[str, Any], Loop | None]
 class SimulateSettings(RobotChoices):
     """Settings of `symgen simulate`."""
 
-    command = "simulate"
     options = "robot trajectory out engine seed payload exact overwrite"
     trajectory: Path | None = data_field(
         metavar="FILE", help="Motion written by excite; default a design with one start."

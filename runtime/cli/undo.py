@@ -13,7 +13,6 @@ from runtime.errors import RuntimeFault
 class UndoSettings(Choices):
     """Settings of `symgen undo`."""
 
-    command = "undo"
     options = ""
     result: Path = argument_field(metavar="RESULT", help="Folder whose result was replaced.")
 

@@ -20,7 +20,6 @@ from runtime.outputs.viewer.shapes import look_of
 class ViewSettings(LogChoices):
     """Settings of `symgen view`."""
 
-    command = "view"
     options = "robot urdf html overwrite"
     motion: str = argument_field(
         metavar="MOTION", help="A motion written by excite (.json), or a log."

@@ -42,7 +42,6 @@ KNOWN = 0.5
 class WatchSettings(ResultChoices):
     """Settings of `symgen watch`."""
 
-    command = "watch"
     options = "robot recipe history references as_json"
     logs: list[str] = argument_field(
         metavar="LOG…", autocompletion=bundled_logs, help="Later logs of the robot."

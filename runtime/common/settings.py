@@ -2,7 +2,6 @@
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class DesignSettings(Choices):
-        command = "design"
         options = "robot duration"
         robot: str = data_field("fr3", help="Name of a robot.")
         duration: float = method_field(10.0, help="Duration, s.")
@@ -76,9 +75,12 @@ def argument_field(default: Any = ..., **how: Any) -> Any:
 class Choices:
     """All choices of a command."""
 
-    command: ClassVar[str] = ""  # word after `symgen`
+    command: ClassVar[str] = ""  # word after `symgen`, that of the class without Settings
     # fields that are options on the command line, with spaces; the others are settings
     options: ClassVar[str] = ""
+
+    def __init_subclass__(cls) -> None:
+        cls.command = cls.__name__.removesuffix("Settings").lower()
 
     def stated(self) -> dict[str, str]:
         """Choices other than their defaults: field → how it is written."""

@@ -30,7 +30,6 @@ EVERYTHING, LISTED = "all", "list"
 class ReproduceSettings(RobotChoices):
     """Settings of `symgen reproduce`."""
 
-    command = "reproduce"
     options = "trials out fresh"
     what: str = argument_field(
         metavar="ID|all|list",

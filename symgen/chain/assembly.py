@@ -312,14 +312,14 @@ def _apart(model: pinocchio.Model, data: pinocchio.Data, closure: Closure) -> tu
             r_s, _, j_s = _placed(model, data, Frame(shared - 1, _EYE, (0.0, 0.0, 0.0)))
         else:
             r_s, j_s = np.eye(3), np.zeros((6, model.nv))
-        slope = r_s.T @ (j_c[:3] - j_a[:3] + _cross(c - a) @ j_s[3:])
+        slope = r_s.T @ (j_c[:3] - j_a[:3] + pinocchio.skew(c - a) @ j_s[3:])
         return np.concatenate([r_s.T @ (c - a), np.zeros(3)]), np.vstack([slope, 0 * slope])
     r, p = r_a.T @ r_c, r_a.T @ (c - a)
     turn = r_a.T @ (j_c[3:] - j_a[3:])  # δ of dR = [δ×] R
-    shift = r_a.T @ (j_c[:3] - j_a[:3] + _cross(c - a) @ j_a[3:])
+    shift = r_a.T @ (j_c[:3] - j_a[:3] + pinocchio.skew(c - a) @ j_a[3:])
     if 5 in FREE_ROWS[closure.kind] and 4 not in FREE_ROWS[closure.kind]:
         z = r[:, 2]  # d z = δ × z; to first order (−z_y, z_x) is the turn about x and y
-        slope = -_cross(z) @ turn
+        slope = -pinocchio.skew(z) @ turn
         bent, slopes = np.array([-z[1], z[0], 0.0]), np.vstack([-slope[1], slope[0], 0 * slope[2]])
     else:  # vee of the skew part of R; d = (tr R 1 − R) δ / 2
         bent = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]) / 2
@@ -347,12 +347,8 @@ def _placed(
         model, data, frame.joint + 1, pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
     ).copy()
     world = at * place
-    jacobian[:3] -= _cross(world.translation - at.translation) @ jacobian[3:]
+    jacobian[:3] -= pinocchio.skew(world.translation - at.translation) @ jacobian[3:]
     return world.rotation, world.translation, jacobian
-
-
-def _cross(v: Array) -> Array:
-    return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0.0]])
 
 
 def _closed_pose(

@@ -21,7 +21,6 @@ from symgen.inspect.inspection import INERTIAL
 class InspectSettings(Choices):
     """Settings of `symgen inspect`."""
 
-    command = "inspect"
     options = "as_json strict repair overwrite robot_model"
     model: Path = argument_field(help="URDF, xacro, MJCF, SDF or TOML of DH rows.")
     as_json: bool = output_field(False, "--json", help="Print JSON.")

@@ -49,7 +49,6 @@ _OF_URDF = ["project", "config", "masses", "densities", "mechanism", "arg", "pac
 class BuildSettings(Choices):
     """Settings of `symgen build`."""
 
-    command = "build"
     options = (
         "robot urdf description name base tip gravity lock mechanism config floating out overwrite"
     )
@@ -222,7 +221,6 @@ def build_command(given: BuildSettings) -> None:
 class CheckSettings(Choices):
     """Settings of `symgen check`."""
 
-    command = "check"
     options = "out"
     robot: RobotArgument = None
     out: RootOption = DEFAULT_ROOT

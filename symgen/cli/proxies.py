@@ -33,7 +33,6 @@ from symgen.sources import urdf_text
 class ProxiesSettings(Choices):
     """Settings of `symgen proxies`."""
 
-    command = "proxies"
     options = "out package_dir base tip overwrite"
     urdf: Path = argument_field(help="URDF with <collision> shapes.", dir_okay=False)
     out: Path = output_field(..., help="TOML file to write, for build --config.", dir_okay=False)

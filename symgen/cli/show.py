@@ -36,7 +36,6 @@ _LIMITS = ("lower", "upper", "velocity", "effort")
 class ListSettings(Choices):
     """Settings of `symgen list`."""
 
-    command = "list"
     options = "out"
     out: RootOption = DEFAULT_ROOT
 
@@ -89,7 +88,6 @@ def _state(name: str, folder: Path) -> str:
 class DescribeSettings(Choices):
     """Settings of `symgen describe`."""
 
-    command = "describe"
     options = "as_json out"
     robot: str = argument_field("fr3", autocompletion=robots, help="Name of a generated robot.")
     as_json: bool = output_field(False, "--json", help="Print JSON.")
@@ -195,7 +193,6 @@ def _kernel_table(manifest: dict[str, Any]) -> Table:
 class CleanSettings(Choices):
     """Settings of `symgen clean`."""
 
-    command = "clean"
     options = "out"
     robot: RobotArgument = None
     out: RootOption = DEFAULT_ROOT

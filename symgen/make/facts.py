@@ -83,9 +83,8 @@ def model_facts(
         "gravity": list(chain.gravity),
         "joints": [_joint_facts(joint) for joint in chain.coordinates],
         "home": list(home_of(chain, config)),
-        "acceleration": list(config.acceleration) if config.acceleration else None,
-        "jerk": list(config.jerk) if config.jerk else None,
-        "torque_rate": list(config.torque_rate) if config.torque_rate else None,
+        **{k: to_builtins(getattr(config, k)) or None for k in ("acceleration", "jerk")},
+        "torque_rate": to_builtins(config.torque_rate) or None,
         "tip_speed": config.tip_speed,
         "braking": to_builtins(config.braking),
         **tables_from_collision(config.collision),
@@ -152,20 +151,10 @@ def _frame_facts(chain: Chain, frame: Frame | Tip) -> dict[str, Any]:
 
 
 def _joint_facts(j: Joint) -> dict[str, Any]:
-    return {
-        "name": j.name,
-        "kind": j.kind,
-        "link": j.link,
-        "unit": {"prismatic": "m", FLOATING: "m|rad"}.get(j.kind, "rad"),
-        "lower": j.lower,
-        "upper": j.upper,
-        "velocity": j.velocity,
-        "effort": j.effort,
-        "parent": j.parent,
-        "rotation": [list(row) for row in j.rotation],
-        "translation": list(j.translation),
-        "axis": list(j.axis),
-    }
+    unit = {"prismatic": "m", FLOATING: "m|rad"}.get(j.kind, "rad")
+    keys = ("lower", "upper", "velocity", "effort", "parent", "rotation", "translation", "axis")
+    facts = {key: to_builtins(getattr(j, key)) for key in keys}
+    return {"name": j.name, "kind": j.kind, "link": j.link, "unit": unit} | facts
 
 
 def notes_of(chain: Chain, projected: dict[str, float]) -> tuple[str, ...]:

@@ -246,7 +246,16 @@ class _Imports(Mapping[str, Any]):
 
 
 class Commands(TyperGroup):
-    """Commands of one package, or of all, of which only the one that runs is imported."""
+    """Commands of one package, or of all, of which only the one that runs is imported.
+
+    Args:
+        ctx: of the call.
+        args: words of the command line, the command first.
+        formatter: of the library; the overview is printed by rich.
+        incomplete: beginning of a word.
+        named: commands of the name.
+        words: words behind the name.
+    """
 
     package: ClassVar[str] = ""  # package of the commands; empty for all
 
@@ -263,10 +272,6 @@ class Commands(TyperGroup):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the words before the command; without any word the overview is printed.
 
-        Args:
-            ctx: of the call.
-            args: words of the command line.
-
         Returns:
             Words that are left.
         """
@@ -278,20 +283,11 @@ class Commands(TyperGroup):
         return list(self.commands)
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Print the overview.
-
-        Args:
-            ctx: of the call.
-            formatter: of the library; the overview is printed by rich.
-        """
+        """Print the overview."""
         self._overview().format_help(ctx, formatter)
 
     def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
         """Names of commands that begin so.
-
-        Args:
-            ctx: of the call.
-            incomplete: beginning of a word.
 
         Returns:
             Items of the library.
@@ -302,10 +298,6 @@ class Commands(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Import the command of a command line.
-
-        Args:
-            ctx: of the call.
-            args: words of the command line, the command first.
 
         Returns:
             Name, command and further words.
@@ -321,11 +313,6 @@ class Commands(TyperGroup):
 
     def chosen(self, ctx: Any, named: Sequence[Command], words: Sequence[str]) -> Command:
         """Command that runs, of those of one name.
-
-        Args:
-            ctx: of the call.
-            named: commands of the name.
-            words: words behind the name.
 
         Returns:
             One of them.

@@ -16,7 +16,7 @@ import numpy as np
 from bench.front import Sheet
 from runtime.library import Library, load, to_pinocchio_order
 from symgen.errors import SymgenError
-from symgen.inspect import inspect_file
+from symgen.inspect.inspection import inspect_file
 from symgen.make.pipeline import build
 from tests.oracle import Array, ask_pinocchio, pinocchio_model, with_parameters
 from tests.robots import CASES, DATA, MORE, Case

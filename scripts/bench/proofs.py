@@ -26,8 +26,7 @@ from runtime.excitation.proof.certificate import Certificate, certificate_of
 from runtime.excitation.proof.nonlinear_bounds import constraint_bounds
 from runtime.library import Array, Library
 from symgen.chain import read_chain
-from symgen.collision import CollisionModel
-from symgen.collision.model import BASE, Pair, Proxy
+from symgen.collision.model import BASE, CollisionModel, Pair, Proxy
 from symgen.make.config import RobotConfig
 from symgen.make.pipeline import build
 from symgen.make.request import BuildRequest

@@ -42,7 +42,7 @@ from scripts.fuzzing import goods
 from symgen.chain import ChainOptions, read_chain
 from symgen.chain.mechanism import Mechanism
 from symgen.cli.make import read_mechanism
-from symgen.inspect import inspect_file, repaired
+from symgen.inspect.inspection import inspect_file, repaired
 from symgen.make.config import read_config, read_masses
 from symgen.make.request import request_from_folder
 from symgen.ros.packages import Packages, expanded

@@ -16,7 +16,7 @@ from symgen.catalogue.loops import loop_kernels, without_seeds
 from symgen.catalogue.motion import control_kernels, motion_kernels, passive_kernels
 from symgen.catalogue.omitted import omitted_kernels, shortened
 from symgen.chain import Chain
-from symgen.collision import CollisionModel
+from symgen.collision.model import CollisionModel
 from symgen.kernel import Kernel
 from symgen.mechanics import dynamics
 from symgen.mechanics.base_parameters import BaseParameters, numeric_base

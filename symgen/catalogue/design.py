@@ -13,8 +13,8 @@ import casadi as ca
 
 from symgen.catalogue.motion import STATE, effort_unit, motion_of, state_unit
 from symgen.chain import Chain
-from symgen.collision import CollisionModel
 from symgen.collision.distance import clearance, moving, plane_clearance
+from symgen.collision.model import CollisionModel
 from symgen.kernel import Argument, Kernel, Matrix, make_kernel, make_rare, make_slow
 from symgen.mechanics import derivative_bounds as bounds
 from symgen.mechanics import dynamics, excitation, kinematics

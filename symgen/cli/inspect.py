@@ -13,8 +13,9 @@ from runtime.common.settings import Choices, argument_field, data_field, method_
 from runtime.common.tables import Table, significant
 from runtime.common.terminal import VERBOSE, say, show
 from symgen.cli.common import ArgumentOption, ModelOption, OverwriteOption, read_arguments
-from symgen.inspect import ERROR, Inspection, Repair, facts, inspect_file, repaired
-from symgen.inspect.inspection import INERTIAL
+from symgen.inspect.inspection import INERTIAL, Inspection, facts, inspect_file, repaired
+from symgen.inspect.model import ERROR
+from symgen.inspect.repair import Repair
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

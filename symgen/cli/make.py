@@ -39,7 +39,9 @@ from symgen.make.config import RobotConfig, read_config, read_masses, reduced_co
 from symgen.make.mesh_bodies import read_densities, with_mesh_bodies
 from symgen.make.pipeline import build, generate, write_controller
 from symgen.make.request import BuildRequest, bundled_request, request_from_folder
-from symgen.sources import Packages, Source, published_urdf, read_source, with_springs_of_file
+from symgen.ros.packages import Packages
+from symgen.sources import Source, published_urdf, read_source
+from symgen.sources.springs import with_springs_of_file
 
 _OF_URDF = ["project", "config", "masses", "densities", "mechanism", "arg", "package", "model"]
 """Choices that belong to a robot of the user."""

@@ -19,10 +19,9 @@ from symgen.cli.common import (
     TipOption,
     read_locks,
 )
-from symgen.collision import MARGIN, CollisionModel
 from symgen.collision.capsules import Coverage, coverage, fit_link
 from symgen.collision.geometry import read_geometry
-from symgen.collision.model import toml_from_collision
+from symgen.collision.model import MARGIN, CollisionModel, toml_from_collision
 from symgen.collision.selection import Selection, select_pairs
 from symgen.errors import BuildError, CollisionError
 from symgen.make.config import RobotConfig, home_of, read_config

@@ -3,7 +3,3 @@
 `model` holds the data and their TOML tables, `distance` gives distances and gradients as
 expressions. `geometry`, `capsules` and `selection` fit the proxies of a URDF.
 """
-
-from symgen.collision.model import BASE, MARGIN, CollisionModel, Pair, Proxy
-
-__all__ = ["BASE", "MARGIN", "CollisionModel", "Pair", "Proxy"]

@@ -80,18 +80,7 @@ class CollisionModel:
                 )
 
     def joint_of(self, proxy: Proxy, links: list[str]) -> int:
-        """Index of the joint that moves a proxy.
-
-        Args:
-            proxy: proxy of this model.
-            links: names of the moving links, in the order of the joints.
-
-        Returns:
-            Index into `links`, −1 for the base.
-
-        Raises:
-            CollisionError: the chain has no such moving link.
-        """
+        """Index of the moving link that carries a proxy, −1 for the base."""
         if proxy.link == BASE:
             return -1
         if proxy.link not in links:

@@ -4,18 +4,3 @@
 check; `base` computes base parameters; `repair` projects; `rewrite` writes the result into the
 text; `inspection` combines them.
 """
-
-from symgen.inspect.inspection import Inspection, facts, inspect_file, inspect_text, repaired
-from symgen.inspect.model import ERROR, Body
-from symgen.inspect.repair import Repair
-
-__all__ = [
-    "ERROR",
-    "Body",
-    "Inspection",
-    "Repair",
-    "facts",
-    "inspect_file",
-    "inspect_text",
-    "repaired",
-]

@@ -17,7 +17,8 @@ from symgen.inspect.model import ERROR, Body, Finding, Link, Model
 from symgen.inspect.reading import read_mjcf, read_urdf
 from symgen.inspect.repair import Repair, repair
 from symgen.inspect.rewrite import with_bodies
-from symgen.sources import Packages, Source, read_source, urdf_text
+from symgen.ros.packages import Packages
+from symgen.sources import Source, read_source, urdf_text
 
 INERTIAL = frozenset({"triangle", "zero-inertia"})
 """Kinds of errors that a repair removes."""
@@ -62,18 +63,8 @@ def inspect_file(
 ) -> Inspection:
     """Read and check a robot file that `build` reads: URDF, xacro, MJCF, SDF, TOML of DH rows.
 
-    Args:
-        path: the file.
-        packages: folders in which package:// meshes are searched, besides the usual ones.
-        with_base: True computes the base parameters, the only part that takes seconds.
-        arguments: of xacro, name → value.
-        chosen: robot of a file that has several.
-
-    Returns:
-        Numbers, findings and base parameters.
-
-    Raises:
-        UrdfError: the file cannot be read at all.
+    Base parameters are the only part that takes seconds. package:// meshes are searched in
+    `packages` too; a file with several robots needs the name of one.
     """
     text, kind = urdf_text(path), path.suffix.removeprefix(".")
     form = kind if kind in {"xacro", "toml"} else first_element(text)
@@ -92,36 +83,12 @@ def inspect_file(
 def inspect_text(
     text: str, path: Path, packages: tuple[Path, ...] = (), with_base: bool = True
 ) -> Inspection:
-    """Check a URDF given as text.
-
-    Args:
-        text: the URDF.
-        path: its file, beside which meshes are searched.
-        packages: folders in which package:// meshes are searched, besides the usual ones.
-        with_base: True computes the base parameters.
-
-    Returns:
-        Numbers, findings and base parameters.
-
-    Raises:
-        UrdfError: the text is not a URDF.
-    """
+    """Check a URDF given as text, with the meshes beside its file."""
     return _checked(read_urdf(text), text, Meshes(path, packages), with_base)
 
 
 def repaired(inspection: Inspection, path: Path) -> tuple[str, Repair, Inspection]:
-    """Return the URDF with the nearest consistent inertials, read and checked again.
-
-    Args:
-        inspection: of the file as it is.
-        path: the file.
-
-    Returns:
-        Text of the new URDF, the changes, and its inspection.
-
-    Raises:
-        SymgenError: MJCF, a mass that is not positive, or a result that does not pass the checks.
-    """
+    """Text of the URDF with the nearest consistent inertials, the changes, and its inspection."""
     if inspection.text is None:
         raise UrdfError("--repair writes URDF; convert the MJCF file first, or correct it by hand")
     changes = repair(inspection.model, inspection.base)

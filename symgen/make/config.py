@@ -22,8 +22,7 @@ from symgen.chain import Chain, Joint
 from symgen.chain.coupling import Coupling
 from symgen.chain.document import Document
 from symgen.chain.reading import parse_with_pinocchio
-from symgen.collision import BASE, CollisionModel, Proxy
-from symgen.collision.model import Pair
+from symgen.collision.model import BASE, CollisionModel, Pair, Proxy
 from symgen.errors import BuildError
 
 ROOM = 0.1

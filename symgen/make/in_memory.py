@@ -22,8 +22,9 @@ from symgen.make.compiler import levels_of_processor
 from symgen.make.pipeline import BuildResult
 from symgen.make.pipeline import build as build_request
 from symgen.make.request import BuildRequest
-from symgen.sources import Source, read_source, with_springs_of_file
+from symgen.sources import Source, read_source
 from symgen.sources.mjcf import robot_of_compiled
+from symgen.sources.springs import with_springs_of_file
 
 UNLIMITED = 1e9
 """Limits from here on are none: libraries write the largest number."""

@@ -21,7 +21,7 @@ from symgen.chain.assumed_bodies import require_bare
 from symgen.chain.document import Document, add_inertial, numbers, origin
 from symgen.errors import BuildError, UrdfError
 from symgen.inspect.geometry import LARGEST_MESH, is_sound
-from symgen.sources import Packages
+from symgen.ros.packages import Packages
 
 DEFAULT = "default"
 """Key of the density of all links that the file does not name."""

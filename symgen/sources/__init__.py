@@ -30,17 +30,8 @@ from symgen.errors import BuildError, UrdfError
 from symgen.ros.packages import Packages, expanded
 from symgen.sources.mjcf import robot_from_mjcf
 from symgen.sources.sdf import robot_from_sdf
-from symgen.sources.springs import merged, with_springs_of_file
+from symgen.sources.springs import merged
 from symgen.sources.tree import robot_tree
-
-__all__ = [
-    "Packages",
-    "Source",
-    "published_urdf",
-    "read_source",
-    "urdf_text",
-    "with_springs_of_file",
-]
 
 _ROBOTS = "share/example-robot-data/robots/"
 
@@ -61,22 +52,10 @@ def read_source(
     note: Callable[[str], None] = lambda _: None,
     has_gravity: bool = False,
 ) -> tuple[str, Mechanism]:
-    """Return the URDF of a robot file, and the mechanism.
+    """Text of the URDF of a robot file, and the mechanism of it and of --mechanism.
 
-    Args:
-        source: URDF, xacro, MJCF, SDF or TOML of modified DH rows.
-        mechanism: that of --mechanism.
-        note: receives sentences on what of the file a build does not take.
-        has_gravity: whether the build states the gravity, so that another one needs no note.
-
-    Returns:
-        Text of the URDF, and the mechanism of both files; `independent` and [assembly] of
-        --mechanism count for the mechanism of the robot file too, and its springs stand beside
-        those of MJCF and SDF.
-
-    Raises:
-        BuildError: the file cannot be read, or two files describe a mechanism.
-        UrdfError: the contents are wrong.
+    `independent` and [assembly] of --mechanism count for the mechanism of the robot file too, and
+    its springs stand beside those of MJCF and SDF. A gravity that the build states needs no note.
     """
     path = source.packages.file(source.path)
     if source.arguments and path.suffix != ".xacro":

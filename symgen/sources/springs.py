@@ -82,15 +82,7 @@ def with_springs_of_file(
 
     A free base takes no springs. A spring along locked joints alone, or along one that is cut off,
     does not act on the others. Locked joints of another one move its rest: Σ of[m] x_m − rest.
-
-    Args:
-        text: URDF.
-        options: changes to the robot, with the springs that are stated beside the file.
-        mechanism: of the file and of the options.
-        note: receives sentences on the springs of the file.
-
-    Returns:
-        The options of the build.
+    The springs of `options` are stated beside the file, `mechanism` has both.
     """
     stated = tuple(s for s in mechanism.spring if s in options.mechanism.spring)
     of_file = tuple(s for s in mechanism.spring if s not in stated)

@@ -12,9 +12,9 @@ import pytest
 from runtime.common.child import Limits
 from symgen.chain.mechanism import Mechanism
 from symgen.errors import BuildError
-from symgen.ros.packages import expanded
+from symgen.ros.packages import Packages, expanded
 from symgen.ros.xacro_child import evaluate
-from symgen.sources import Packages, Source, read_source
+from symgen.sources import Source, read_source
 
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec("xacro") is None,

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from symgen.inspect import Inspection, inspect_text
+from symgen.inspect.inspection import Inspection, inspect_text
 from tests.taylor import Array
 
 

@@ -15,11 +15,10 @@ from scipy.optimize import lsq_linear
 from runtime.library import load
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.cli import main
-from symgen.collision import BASE, CollisionModel, Pair, Proxy
 from symgen.collision.capsules import coverage, fit_link
 from symgen.collision.distance import clearance
 from symgen.collision.geometry import EDGE, LinkGeometry, cut, read_geometry
-from symgen.collision.model import tables_from_collision
+from symgen.collision.model import BASE, CollisionModel, Pair, Proxy, tables_from_collision
 from symgen.collision.selection import link_distances, select_pairs
 from symgen.errors import BuildError, CollisionError
 from symgen.make.config import config_from_table, read_config

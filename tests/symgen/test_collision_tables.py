@@ -2,7 +2,7 @@
 
 import pytest
 
-from symgen.collision import BASE, CollisionModel, Proxy
+from symgen.collision.model import BASE, CollisionModel, Proxy
 from symgen.errors import BuildError, CollisionError
 from symgen.make.config import config_from_table
 

@@ -10,7 +10,7 @@ from symgen.chain import read_chain
 from symgen.chain.mechanism import Mechanism
 from symgen.collision.geometry import read_geometry
 from symgen.errors import BuildError, CollisionError, SymgenError
-from symgen.inspect import inspect_file
+from symgen.inspect.inspection import inspect_file
 from symgen.make.config import read_config
 from symgen.make.request import request_from_folder
 from symgen.sources import Source, read_source, urdf_text

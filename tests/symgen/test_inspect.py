@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from symgen.errors import InertiaError, SymgenError
-from symgen.inspect import ERROR, Body, Inspection, inspect_file, inspect_text
 from symgen.inspect.geometry import Meshes
+from symgen.inspect.inspection import Inspection, inspect_file, inspect_text
+from symgen.inspect.model import ERROR, Body
 from symgen.inspect.reading import read_urdf
 from symgen.mechanics.inertia import require_realisable
 from tests.conftest import TINY_URDF

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio
 import pytest
 
-from symgen.inspect import inspect_file, inspect_text
+from symgen.inspect.inspection import inspect_file, inspect_text
 from tests.conftest import TINY_URDF
 from tests.symgen.bodies import FLAT, GOOD, arm, block
 from tests.symgen.test_cli import run

@@ -5,8 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from symgen.inspect import ERROR
 from symgen.inspect.geometry import groups_of
+from symgen.inspect.model import ERROR
 from tests.symgen.bodies import BOX, BRICK, GOOD, POINT, TILTED, arm, block, inspect, solid, steiner
 
 WIDE = np.array([0.05, 0.03, 0.1])

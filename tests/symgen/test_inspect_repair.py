@@ -12,10 +12,11 @@ from runtime.identification import metrics
 from runtime.library import Library
 from runtime.recording.preprocessing import prepare
 from symgen.errors import InertiaError
-from symgen.inspect import Body, Repair, inspect_file, inspect_text, repaired
 from symgen.inspect import inspection as door
 from symgen.inspect.base import lumping, pseudo_of
-from symgen.inspect.repair import FLOOR, ROUND, THIN, repair
+from symgen.inspect.inspection import inspect_file, inspect_text, repaired
+from symgen.inspect.model import Body
+from symgen.inspect.repair import FLOOR, ROUND, THIN, Repair, repair
 from symgen.inspect.rewrite import with_bodies
 from symgen.mechanics import inertia
 from tests.symgen.bodies import BRICK, FLAT, GOOD, POINT, arm, before_2024, block

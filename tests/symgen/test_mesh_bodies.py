@@ -8,7 +8,7 @@ import pytest
 from symgen.chain import read_chain
 from symgen.errors import BuildError, SymgenError
 from symgen.make.mesh_bodies import moments_of, read_densities, with_mesh_bodies
-from symgen.sources import Packages
+from symgen.ros.packages import Packages
 from tests.symgen.test_cli import run
 
 CUBE = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])

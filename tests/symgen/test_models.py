@@ -14,7 +14,7 @@ import pytest
 from runtime.library import to_pinocchio_order
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.errors import SymgenError
-from symgen.inspect import inspect_file
+from symgen.inspect.inspection import inspect_file
 from symgen.make import ROBOTS
 from symgen.make.facts import initial_parameters
 from symgen.make.request import BuildRequest, bundled_request

@@ -273,7 +273,7 @@ def test_7_joints_that_never_move_come_first(
 
 def test_8_rounding_is_reported_by_symgen(shared_data: Path) -> None:
     """Published model: four-digit angles; `symgen inspect` says so and finds the 43 that remain."""
-    from symgen.inspect import inspect_file
+    from symgen.inspect.inspection import inspect_file
 
     result = inspect_file(shared_data / "models" / "kinova_gen3" / "kinova.urdf")
     assert any("angles are rounded" in note for note in result.notes)

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from runtime.library import Library
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.cli import app
-from symgen.collision import BASE, Proxy
+from symgen.collision.model import BASE, Proxy
 from symgen.collision.selection import poses_of_link
 from symgen.errors import BuildError
 from symgen.make import pipeline

@@ -11,7 +11,7 @@ from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.chain.document import first_element
 from symgen.chain.mechanism import Mechanism
 from symgen.errors import SymgenError
-from symgen.inspect import inspect_file
+from symgen.inspect.inspection import inspect_file
 from symgen.sources import Source, read_source
 from symgen.sources.compiled_mjcf import compile_mjcf
 

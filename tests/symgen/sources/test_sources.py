@@ -15,7 +15,8 @@ from symgen.make.facts import initial_parameters
 from symgen.mechanics.closure import supplied
 from symgen.mechanics.dynamics import inverse_dynamics
 from symgen.mechanics.kinematics import all_accelerations, all_positions, all_rates
-from symgen.sources import Packages, Source, published_urdf, read_source
+from symgen.ros.packages import Packages
+from symgen.sources import Source, published_urdf, read_source
 from tests.conftest import TINY_URDF
 
 HAND = """<mujoco model="hand"><compiler angle="radian" autolimits="true"/>

@@ -163,7 +163,7 @@ def write_logs(lib: Library, folder: Path) -> None:
     def torque(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
         return lib.inverse_dynamics(q, dq, ddq, pi) + 0.6 * dq + 0.8 * np.tanh(dq / 0.05)
 
-    t = np.arange(0.0, 7.0, 1 / RATE)
+    t = np.arange(0.0, 4.0, 1 / RATE)
     for name, phase in (("one", 0.0), ("two", 0.7)):
         q, dq, ddq = motion(t, phase)
         tau = torque(q, dq, ddq) + 0.05 * rng.normal(size=q.shape)

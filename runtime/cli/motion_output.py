@@ -46,7 +46,18 @@ ROWS_HZ = 1000.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionChoices(LimitChoices):
-    """Limits of a motion, and its files for a robot."""
+    """Limits of a motion, and its files for a robot.
+
+    Args:
+        lib: library of the robot.
+        duration: of the motion, s.
+        safety: limits of the motion; None for those of the document.
+        motion: certified motion.
+        path: JSON of the motion.
+        pictures: whether pictures are among its files.
+        written: files that are written already.
+        sentence: history of the log.
+    """
 
     from_pose: str | None = method_field(None, "--from", metavar="POSE", help=FROM)
     returns: bool = method_field(
@@ -81,13 +92,7 @@ class MotionChoices(LimitChoices):
         return ROWS_HZ if self.export_rate is None else self.export_rate
 
     def require_possible(self, lib: Library, duration: float, safety: Safety | None) -> None:
-        """Refuse, before a search, samples, formats and exports that would be refused after it.
-
-        Args:
-            lib: library of the robot.
-            duration: of the motion, s.
-            safety: limits of the motion; None for those of the document.
-        """
+        """Refuse, before a search, samples, formats and exports that would be refused after it."""
         sample_times(duration, self.rate)
         formats = [MOTION_FORMATS[name].name for name in self.export or ()]
         if formats:
@@ -95,23 +100,13 @@ class MotionChoices(LimitChoices):
         require_stages(duration, self.percents)
 
     def require_new(self, path: Path, pictures: bool = False) -> None:
-        """Refuse to replace files of a motion without consent.
-
-        Args:
-            path: JSON of the motion.
-            pictures: whether pictures are among them.
-        """
+        """Refuse to replace files of a motion without consent."""
         files = files_of(path, self.export or (), self.percents, pictures)
         consent = "--overwrite" if "overwrite" in self.options else "--settings overwrite=true"
         require_unused(files, self.overwrite, consent=consent)
 
     def write_samples(self, motion: CertifiedMotion, path: Path, sentence: str) -> list[Path]:
         """Write the motion, sampled, where no format of a robot is given.
-
-        Args:
-            motion: certified motion.
-            path: JSON of the motion.
-            sentence: history of the log.
 
         Returns:
             The file, or nothing.
@@ -121,13 +116,7 @@ class MotionChoices(LimitChoices):
         return [write_motion_log(motion, self.rate, path.with_suffix(SAMPLED), sentence)]
 
     def write_stages(self, motion: CertifiedMotion, path: Path, written: Sequence[Path]) -> None:
-        """Print the certificate of every stage and the files; write those for a robot.
-
-        Args:
-            motion: certified motion.
-            path: JSON of the motion.
-            written: files that are written already.
-        """
+        """Print the certificate of every stage and the files; write those for a robot."""
         stages = certified_stages(motion, self.percents)
         say(f"trajectory: {', '.join(map(str, written))}")
         if self.export:

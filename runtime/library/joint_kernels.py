@@ -14,7 +14,7 @@ from runtime.library.parameters import N_PARAMETERS
 
 
 class JointKernels:
-    """Positions, velocities and Jacobian of all joints.
+    """Positions, velocities and Jacobian of all joints, (N, L) or (L,) [rad, m, and per s].
 
     Args:
         q: (N, n) or (n,) positions of the independent joints [rad, m].
@@ -35,11 +35,7 @@ class JointKernels:
     binding: Binding
 
     def all_positions(self, q: ArrayLike) -> Array:
-        """Positions of all joints, in the order of `all_joint_names`: A q + b, or g(q) with loops.
-
-        Returns:
-            (N, L) or (L,) [rad, m].
-        """
+        """Positions of all joints, ordered as `all_joint_names`: A q + b, or g(q) with loops."""
         coupling, q = self.manifest.coupling, self._of_joints(q)
         if not self.manifest.loops:
             return q.copy() if coupling is None else q @ coupling.matrix.T + coupling.offset
@@ -94,11 +90,7 @@ class JointKernels:
         return self.binding.call("next_positions", q, last)[0]
 
     def joint_jacobian(self, q: ArrayLike) -> Array:
-        """G = ∂q_all/∂q: τ = Gᵀ τ_all.
-
-        Returns:
-            (N, L, n) or (L, n).
-        """
+        """G = ∂q_all/∂q, (N, L, n) or (L, n): τ = Gᵀ τ_all."""
         q, coupling = self._of_joints(q), self.manifest.coupling
         if not self.manifest.loops:
             matrix = np.eye(self.n_joints) if coupling is None else coupling.matrix
@@ -173,7 +165,14 @@ class JointKernels:
 
 
 class BodyKernels:
-    """Maps between λ, π and the matrices of inertia, link by link."""
+    """Maps between λ, π and the matrices of inertia, link by link.
+
+    Args:
+        lam: (10 L,) or (N, 10 L) coordinates λ of the links.
+        pi: (10 L,) or (N, 10 L) inertial parameters of the links.
+        slope: ∂cost/∂π, shape of λ.
+        floor: smallest eigenvalue of Σ_com over its trace.
+    """
 
     n_links: int
     link_names: tuple[str, ...]
@@ -207,10 +206,6 @@ class BodyKernels:
     def pi_adjoint(self, lam: ArrayLike, slope: ArrayLike) -> Array:
         """(∂π/∂λ)ᵀ slope, link by link: ∂cost/∂λ (10 L,) from ∂cost/∂π. Source: Eq. 4.32.
 
-        Args:
-            lam: (10 L,) or (N, 10 L) coordinates λ of the links.
-            slope: ∂cost/∂π, shape of λ.
-
         Returns:
             ∂cost/∂λ, shape of λ.
         """
@@ -241,10 +236,6 @@ class BodyKernels:
     def nearest_realisable(self, pi: ArrayLike, floor: float = 1e-4) -> Array:
         """Nearest physically consistent π: each Σ_com becomes the nearest matrix with eigenvalues ≥
         floor · tr, while m and c stay.
-
-        Args:
-            pi: (10 L,) or (N, 10 L) inertial parameters of the links.
-            floor: smallest eigenvalue of Σ_com over its trace.
 
         Returns:
             π of the same shape.

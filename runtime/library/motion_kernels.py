@@ -299,19 +299,14 @@ class MotionKernels:
     def spring_columns(self, q: ArrayLike) -> Array:
         """Torques S(q) of the springs of unknown stiffness for k = 1, τ = S k.
 
-        Returns:
-            (N, n, s) for the s springs of `manifest.springs`; s = 0 without springs.
+        (N, n, s) for the s springs of `manifest.springs`; s = 0 without springs.
         """
         if "spring_columns" not in self.manifest.kernels:
             return np.zeros((*np.shape(q), 0))
         return self.binding.call("spring_columns", q)[0]
 
     def known_torque(self, q: ArrayLike) -> Array:
-        """Torques of torque curves and of springs of known stiffness, which Y π lacks.
-
-        Returns:
-            Shape of q [N·m, N]; zeros without such.
-        """
+        """Torques of torque curves and of springs of known stiffness, which Y π lacks, or zeros."""
         if "known_torque" not in self.manifest.kernels:
             return np.zeros(np.shape(q))
         return self.binding.call("known_torque", q)[0]

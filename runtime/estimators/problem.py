@@ -116,10 +116,6 @@ class Problem:
     def _compressed(self, weights: Array) -> Statistics:
         return compress_all(self.lib, self.samples("train"), weights)
 
-    def validation_statistics(self) -> Statistics:
-        """Compressed validation samples with the weights of the problem."""
-        return compress_all(self.lib, self.samples("validation"), self.weights)
-
     def samples(self, part: str) -> Iterable[Samples]:
         """All samples of a part, "train" or "validation", a piece at a time."""
         if self.pieces is not None:
@@ -212,15 +208,12 @@ def in_unit(problem: Problem, unit: float) -> Problem:
     def scaled(samples: Samples) -> Samples:
         return replace(samples, tau=samples.tau / unit)
 
-    def scaled_pieces(part: str) -> Iterable[Samples]:
-        return (scaled(samples) for samples in problem.samples(part))
-
     return replace(
         problem,
         train=scaled(problem.train),
         validation=scaled(problem.validation),
         start=_lam_in_unit(problem.start, unit),
-        pieces=None if pieces is None else scaled_pieces,
+        pieces=None if pieces is None else lambda part: map(scaled, problem.samples(part)),
     )
 
 

@@ -99,10 +99,6 @@ class SavedPosterior:
         """Slope ∂φ/∂π of the best φ, (n k, 10 n), the offset averaged over logs."""
         return self.usual(self.phi_slope(system))
 
-    def usual_phi_root(self, system: Elimination) -> Array:
-        """Root of the covariance of φ at known π, (n k, rank), the offset averaged over logs."""
-        return self.usual(self.phi_root(system))
-
     def phi_over(self, system: Elimination) -> Array:
         """What the columns of L_π move φ, (n k, columns)."""
         moved = self.phi_slope(system) @ self.pi_root

@@ -51,6 +51,11 @@ class Part(Record, frozen=True, forbid_unknown_fields=False):
         return {name: (x[1], [*x[2:]], next(_parts(x[0]), None)) for name, x in kinds.items()}
 
     @classmethod
+    def with_gaps(cls, **facts: Any) -> Self:
+        """A table of some facts, with what stands for the missing ones in older files."""
+        return cls(**{name: x[0] for name, (_, x, _) in cls.keys().items() if x} | facts)
+
+    @classmethod
     def from_columns(cls, **columns: Iterable[Any]) -> tuple[Self, ...]:
         """One table per entry of columns of equal length."""
         values = (plain(x) if isinstance(x, np.ndarray) else x for x in columns.values())

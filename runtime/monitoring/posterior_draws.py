@@ -129,7 +129,7 @@ def draw_models(
     if posterior.phi_nuisance is not None and posterior.phi_nuisance.size:
         moved = posterior.usual(posterior.phi_nuisance)
         mean += factors[:, : moved.shape[1]] @ moved.T
-    phi = _friction(mean, posterior.usual_phi_root(system), saved.friction.columns, rng)
+    phi = _friction(mean, posterior.usual(posterior.phi_root(system)), saved.friction.columns, rng)
     effective = count * (1 - kept) / (1 + kept)
     thickened = density.prior.thinnest() / prior_of(lib, floor=AS_STATED).thinnest()
     phi = phi.reshape(count, *saved.phi.shape)

@@ -342,7 +342,8 @@ def pose_of(arrays: dict[str, NDArray], name: str, count: int) -> tuple[FloatArr
                 f"{name} has no motion of the base: expected base_pose, or base_position and "
                 f"base_rpy; {missing[0]} is missing"
             )
-        return _from_rpy(arrays, name, count)
+        position = numbers_of(arrays, "base_position", name, (count, 3))
+        return _rotation(arrays, name, count), position
     rotation, position = _from_pose(arrays, name, count)
     if "base_rpy" not in missing:
         _require_same(np.abs(_rotation(arrays, name, count) - rotation).max(), "base_rpy", name)
@@ -368,11 +369,6 @@ def _rotation(arrays: dict[str, NDArray], name: str, count: int) -> FloatArray:
             "degrees to rad"
         )
     return np.asarray(Rotation.from_euler("xyz", rpy).as_matrix())
-
-
-def _from_rpy(arrays: dict[str, NDArray], name: str, count: int) -> tuple[FloatArray, FloatArray]:
-    position = numbers_of(arrays, "base_position", name, (count, 3))
-    return _rotation(arrays, name, count), position
 
 
 def _from_pose(arrays: dict[str, NDArray], name: str, count: int) -> tuple[FloatArray, FloatArray]:

@@ -18,7 +18,7 @@ import numpy as np
 
 from runtime.estimators.optimizers import LevenbergOptions, Outcome, Status, trace_of
 from runtime.estimators.problem import Problem
-from runtime.estimators.regression.compression import TorqueObjective
+from runtime.estimators.regression.compression import TorqueObjective, compress_all
 from runtime.estimators.regression.factor import Statistics
 from runtime.library import Array
 from runtime.library.compiled_descent import (
@@ -87,8 +87,8 @@ def descent_of(
     unit: float = 1.0,
 ) -> Descent:
     """Descent from x0 with the compressed samples that it needs."""
-    train, validation = problem.statistics(), problem.validation_statistics()
-    return Descent(problem, objective, train, validation, x0, cholesky, unit)
+    validation = compress_all(problem.lib, problem.samples("validation"), problem.weights)
+    return Descent(problem, objective, problem.statistics(), validation, x0, cholesky, unit)
 
 
 def least_squares(statistics: Statistics, unit: Array) -> LeastSquares:

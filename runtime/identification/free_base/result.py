@@ -59,7 +59,7 @@ def record_of(result: FreeBaseIdentification, command: str) -> ResultRecord:
     eigenvalues = lib.relative_eigenvalues(result.pi)
     sizes = np.where(result.rms > 0, result.rms, np.nan)
     late = result.drives.get(DELAY)
-    return ResultRecord(
+    return ResultRecord.with_gaps(
         format=FORMAT,
         method="map",
         robot=lib.name,
@@ -68,22 +68,16 @@ def record_of(result: FreeBaseIdentification, command: str) -> ResultRecord:
         status=result.status,
         joints=lib.joint_names,
         units=tuple(units),
-        recording=RecordingPart(
+        recording=RecordingPart.with_gaps(
             name=result.name,
             duration=result.duration,
             samples={"train": result.n_train, "validation": 0, "test": result.n_test},
-            history=(),
             preparation={}
             if result.cutoff_hz is None
             else {"filter": "butterworth", "cutoff_hz": result.cutoff_hz},
-            split="",
         ),
         torque_source=MEASURED if late is None else COMMANDED,
-        control_law=None,
-        current_gains=None,
         delay_s=None if late is None else Delay(value=late[0], sigma=plain(late[1])),
-        symmetric=None,
-        drive=None,
         torque_error_percent=ErrorPercent(
             before=plain(100 * result.before / sizes),
             after=plain(100 * result.after / sizes),
@@ -93,22 +87,12 @@ def record_of(result: FreeBaseIdentification, command: str) -> ResultRecord:
         torque_rms=ErrorRms(before=plain(result.before), after=plain(result.after)),
         links=link_parts(lib, result.pi, eigenvalues),
         consistent=result.is_consistent,
-        gap_to_convex_optimum=None,
         uncertainty=_uncertainty(result, eigenvalues),
-        loss=None,
-        convex_optimum=None,
-        weights=(),
         friction=_friction(result),
-        convergence=None,
-        iterations=None,
-        seconds=None,
         warnings=result.notes,
         pi=plain(result.pi),
         lam=plain(lib.lam_from_pi(result.pi)) if result.is_consistent else None,
         beta=plain(lib.base_matrix @ result.pi),
-        condition_number=None,
-        trained=None,
-        sessions=None,
         provenance=provenance_of(lib, command, {}, None),
         rows=result.rows,
         error_rows=result.row_names,
@@ -196,7 +180,7 @@ def _uncertainty(result: FreeBaseIdentification, eigenvalues: Array) -> Uncertai
     lib, sigma = result.lib, np.linalg.norm(result.root, axis=1)
     prior = [name for name, verdict in zip(lib.link_names, result.verdicts[::N_PARAMETERS],
                                            strict=True) if verdict == PRIOR_DOMINATED]  # fmt: skip
-    return UncertaintyPart(
+    return UncertaintyPart.with_gaps(
         advice=f"the log hardly determines the mass of {', '.join(prior)}: measure the wrenches of "
         "its contacts, or record a motion that moves it"
         if prior
@@ -204,17 +188,14 @@ def _uncertainty(result: FreeBaseIdentification, eigenvalues: Array) -> Uncertai
         n_eff=result.n_eff,
         inflation=result.n_train / result.n_eff,
         excited=len(lib.base_columns),
-        weakest_direction=None,
         boundary=bool(np.abs(eigenvalues).min() < BOUNDARY),
         links=link_uncertainties(sigma, com_sigma(result.root, result.pi), result.verdicts),
         pi_sigma=plain(sigma),
         posterior_over_prior=plain(result.share),
         beta_sigma=plain(np.linalg.norm(lib.base_matrix @ result.root, axis=1)),
-        beta_verdicts=(),
         noise=(),
         model_band=(),
         white_lag_share=(),
-        detectable_gain_error=(),
     )
 
 

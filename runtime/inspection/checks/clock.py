@@ -96,8 +96,9 @@ def clock(
     )
     if not findings:
         preparation, findings = _lost(recording, preparation)
-    elif _is_countable(findings[0].evidence):
-        evidence = findings[0].evidence
+    elif "skipped_ticks" in (evidence := findings[0].evidence) and (
+        evidence["misfit_rebuilt"] < COUNTABLE
+    ):  # a rebuilt clock is proposed that fits well enough for its ticks to be counted
         findings += lost_beside_repeats(recording, evidence["count"], evidence["skipped_ticks"])
     constant = plan.time is None or plan.time.rate_hz is not None
     if len(recording) < 10 or (constant and not plan.leave_out):
@@ -167,11 +168,6 @@ def _jitter(steps: FloatArray, level: str) -> list[Finding]:
     )
     evidence = {"steps_s": [float(s * median) for s in spread], "median_s": median}
     return [Finding("jitter", level, sentence, evidence)]
-
-
-def _is_countable(evidence: dict) -> bool:
-    """Whether a rebuilt clock is proposed that fits well enough for its ticks to be counted."""
-    return "skipped_ticks" in evidence and evidence["misfit_rebuilt"] < COUNTABLE
 
 
 def _left_out(recording: Recording, plan: Recipe) -> NDArray[np.bool_]:

@@ -204,7 +204,7 @@ def frozen(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, li
     slowest = rest_speeds(lib)
     signals = {key: getattr(recording, key) for key in _SIGNALS}
     signals = {key: values for key, values in signals.items() if values is not None}
-    same = {key: _repeats(values) for key, values in signals.items()}
+    same = {k: np.all(np.diff(values, axis=0) == 0.0, axis=1) for k, values in signals.items()}
     intervals: list[tuple[int, int, tuple[str, ...]]] = []
     for key, repeats in same.items():
         for first, last in _long_runs(repeats, recording.rate_hz):
@@ -233,11 +233,6 @@ def frozen(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, li
             },
         )
     ]
-
-
-def _repeats(values: Array) -> NDArray[np.bool_]:
-    """Whether all joints repeat the row before, (N − 1,)."""
-    return np.asarray(np.all(np.diff(values, axis=0) == 0.0, axis=1))
 
 
 def _long_runs(repeats: NDArray[np.bool_], rate_hz: float) -> list[tuple[int, int]]:

@@ -38,7 +38,9 @@ def scale(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]
     evidence = {"slopes": [float(s) if k else None for s, k in zip(slopes, is_used, strict=True)]}
     factors = ", ".join(f"{s:.3g}" if k else "?" for s, k in zip(slopes, is_used, strict=True))
     spread = float(size[is_used].max() / size[is_used].min())
-    if USUAL[0] <= middle <= USUAL[1] and spread < 4.0 and not _unscaled(plan):
+    # In amperes by its title, without a gain.
+    is_unscaled = plan.torque is not None and plan.torque.unit == "A" and plan.torque.gain == 1.0
+    if USUAL[0] <= middle <= USUAL[1] and spread < 4.0 and not is_unscaled:
         return plan, []
     if 400.0 <= middle <= 2500.0 and spread < 3.0 and plan.torque.unit == "N*m":
         sentence = (
@@ -83,11 +85,6 @@ def _beyond(torque_rows: TorqueRows) -> list[Finding]:
         "of the URDF (median of the joints); set the unit under [torque], mN*m or A with gains"
     )
     return [Finding("torque_unit", ERROR, sentence, {"peak_over_effort": ratio})]
-
-
-def _unscaled(plan: Recipe) -> bool:
-    """Whether τ is in amperes by its title and no gain is given."""
-    return plan.torque is not None and plan.torque.unit == "A" and plan.torque.gain == 1.0
 
 
 def slopes_to_model(torque_rows: TorqueRows) -> tuple[Array, NDArray[np.bool_]]:

@@ -62,11 +62,9 @@ class ParquetLog:
                 f"{self.name} states {self.rows} rows in {size} bytes, beyond the "
                 "decompression limit; it is damaged, so export it again"
             )
-        self._starts = np.cumsum([0, *self._group_rows()])
-
-    def _group_rows(self) -> list[int]:
         meta = self._file.metadata
-        return [meta.row_group(i).num_rows for i in range(meta.num_row_groups)]
+        counts = (meta.row_group(i).num_rows for i in range(meta.num_row_groups))
+        self._starts = np.cumsum([0, *counts])
 
     def close(self) -> None:
         """Close the file."""

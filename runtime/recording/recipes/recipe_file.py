@@ -50,8 +50,9 @@ def load_recipe(which: str | Path | Recipe) -> Recipe:
             f"or one of the bundled names {', '.join(bundled_names())}"
         )
     table = record_from_toml(dict[str, Any], path, f"recipe {path.name}", RecordingError)
+    name = path.resolve().parent.name if path.name == "recipe.toml" else path.stem
     try:
-        return recipe_from_table({"name": _default_name(path), **table})
+        return recipe_from_table({"name": name, **table})
     except RecordingError as error:
         raise RecordingError(f"recipe {path.name}: {error}") from error
 
@@ -74,10 +75,6 @@ def recipe_from_table(table: dict[str, Any]) -> Recipe:
         parts["law"] = _part(ControlLaw, torque, "torque")
     others = {key: value for key, value in table.items() if key not in (*_PARTS, "gear", *parts)}
     return record_from_table(Recipe, others | parts, "the recipe", RecordingError)
-
-
-def _default_name(path: Path) -> str:
-    return path.resolve().parent.name if path.name == "recipe.toml" else path.stem
 
 
 def _gear_matrix(table: Any) -> tuple[tuple[float, ...], ...]:

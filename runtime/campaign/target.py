@@ -97,10 +97,7 @@ def _uncertainty(result: Identification) -> Uncertainty:
 
 
 def torque_noise(result: Identification) -> tuple[Array, float]:
-    """σ of independent noise that stands for the coloured residuals, and the rate of the rows.
-
-    Returns (n,) [N·m, N].
-    """
+    """σ (n,) of independent noise that stands for coloured residuals, and the rate of the rows."""
     uncertainty = _uncertainty(result)
     return uncertainty.noise * np.sqrt(max(uncertainty.inflation, 1.0)), result.train.rate_hz
 

@@ -165,10 +165,7 @@ def notes_of(
 
 
 def negative_share(columns: Array, tau: Array, phi: Array, names: Sequence[str]) -> Array:
-    """Size of the torque of negative coefficients that should be ≥ 0, relative to the joint's.
-
-    columns (N, n, k), tau (N, n) [N·m, N], phi (n, k), names (k,) → (n, k).
-    """
+    """Torque (n, k) of negative coefficients that should be ≥ 0, relative to the joint's."""
     shape = columns.shape[1:]
     size = np.sqrt(np.mean(np.square(columns), axis=0)) * np.abs(phi)
     torque = np.sqrt(np.mean(np.square(tau), axis=0))

@@ -179,10 +179,7 @@ class Fit:
 
 
 def best_friction(statistics: Statistics, pi: Array, shape: tuple[int, ...]) -> Array:
-    """Friction coefficients that fit best at fixed π, by least squares.
-
-    pi (10 n,) [kg, kg·m, kg·m²], shape (n, k) → (n, k) [N·m or N per unit of the column].
-    """
+    """Friction coefficients (n, k) that fit best at fixed π, by least squares."""
     columns = statistics.factor[:, statistics.n_base :]
     rest = -statistics.residual(pi, np.zeros(columns.shape[1]))
     solution = np.linalg.lstsq(columns, rest, rcond=None)[0]

@@ -141,33 +141,21 @@ class Uncertainty:
         return com_sigma(self.root, pi)
 
     def torque_band(self, lib: Library, q: Array, dq: Array, ddq: Array) -> Array:
-        """Standard deviation of a measured torque, √(diag(Y C Yᵀ) + s²).
-
-        q (N, n) [rad, m] → (N, n) [N·m, N].
-        """
+        """σ (N, n) of a measured torque, √(diag(Y C Yᵀ) + s²) [N·m, N]."""
         return np.sqrt(self.model_band(lib, q, dq, ddq) ** 2 + self.noise**2)
 
     def model_band(self, lib: Library, q: Array, dq: Array, ddq: Array) -> Array:
-        """Standard deviation of the predicted torque, √diag(Y C Yᵀ), without measurement noise.
-
-        q (N, n) [rad, m] → (N, n) [N·m, N].
-        """
+        """σ (N, n) of the predicted torque, √diag(Y C Yᵀ), without noise [N·m, N]."""
         y = lib.regressor(*(np.atleast_2d(a) for a in (q, dq, ddq)))
         return np.asarray(np.linalg.norm(y @ self.readings_root, axis=2))
 
     def band_of(self, lib: Library, samples: Samples) -> Array:
-        """Standard deviation of the predicted torque of prepared rows, √diag(Y_b K C Kᵀ Y_bᵀ).
-
-        Returns (N, m) [N·m, N; W for rows of power].
-        """
+        """σ (N, m) of the predicted torque of prepared rows, √diag(Y_b K C Kᵀ Y_bᵀ)."""
         spread = samples.base_rows(lib) @ (lib.base_matrix @ self.readings_root)
         return np.asarray(np.linalg.norm(spread, axis=2))
 
     def with_noise(self, rest: Array, lib: Library) -> "Uncertainty":
-        """The same with the noise and the autocorrelation of other residuals.
-
-        rest (N, n) [N·m, N].
-        """
+        """The same with the noise and the autocorrelation of other residuals (N, n)."""
         return replace(self, noise=noise(rest, lib, 0), white=white_share(rest))
 
     def beside(self, lib: Library, moved: Array, phi: Array) -> "Uncertainty":
@@ -344,10 +332,7 @@ def beta_verdicts(base: Array, spread: Posterior, vague: Array) -> tuple[str, ..
 
 
 def vague_posterior(lib: Library, prior: Prior, rows: Array, target: Array) -> tuple[Array, Array]:
-    """Mean and root of the covariance of π with a Gaussian prior of unknown quality.
-
-    rows (m, 10 n), target (m,) → (10 n,).
-    """
+    """Mean and root of the covariance of π, by rows (m, 10 n), with a prior of unknown quality."""
     around = lib.nearest_realisable(prior.centre, ROUND)
     spread = spread_of(prior.bodies, around, rows, NONE, target - rows @ prior.centre)
     return prior.centre + spread.mean, spread.root

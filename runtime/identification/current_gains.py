@@ -81,18 +81,12 @@ class GainRows:
         return np.asarray(np.sqrt(np.sum(rest**2, axis=1) / self.count))
 
     def rest(self, z: Array, c: Array, unit: Array) -> Array:
-        """Residuals of channels, prior and masses, over their noise.
-
-        z (w,), c (n,) [A/(N·m)], unit (n,) [A] → (n r + w + m,).
-        """
+        """Residuals of channels, prior and masses, over their noise, (n r + w + m,)."""
         current = (self.current - c[:, None] * (self.model + self.slopes @ z)) / unit[:, None]
         return np.concatenate([current.ravel(), -z, self.surplus - self.known @ z])
 
     def jacobian(self, z: Array, c: Array, unit: Array) -> Array:
-        """Derivative of the fitted values by (z, ln |c|), over the noise.
-
-        z (w,), c (n,) [A/(N·m)], unit (n,) [A] → (n r + w + m, w + n).
-        """
+        """Derivative of the fitted values by (z, ln |c|), over the noise, (·, w + n)."""
         n, r, w = self.slopes.shape
         scale = (c / unit)[:, None]
         J = np.zeros((n * r + w + len(self.known), w + n))

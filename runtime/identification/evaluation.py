@@ -94,10 +94,7 @@ class MassAudit:
 def audit_mass(
     lib: Library, pi: Array, rotor: Array | float = 0.0, samples: int = SAMPLES, seed: int = 0
 ) -> MassAudit:
-    """Audit M(q) + diag(J) over the limits of the joints.
-
-    pi (10 L,) [kg, kg·m, kg·m²], rotor (n,) [kg·m², kg].
-    """
+    """Audit M(q) + diag(J) over the limits of the joints, for π (10 L,) and rotors J (n,)."""
     rotors = np.broadcast_to(np.asarray(rotor, dtype=float), lib.n_joints)
     lower, upper = joint_box(lib)
     q = np.random.default_rng(seed).uniform(lower, upper, (samples, lib.n_joints))

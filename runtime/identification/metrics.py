@@ -41,10 +41,7 @@ def torque_error(measured: Array, predicted: Array) -> TorqueError:
 
 
 def torque_error_of(size: Array, scale: Array, count: int) -> TorqueError:
-    """Torque error from norms per joint of `count` residuals and of the measured torque.
-
-    size (n,), scale (n,) [N·m, N].
-    """
+    """Torque error from norms per joint, (n,), of `count` residuals and of the measured torque."""
     percent = 100 * np.divide(size, scale, out=np.where(size == 0, 0.0, np.inf), where=scale > 0)
     whole = float(np.linalg.norm(scale))
     overall = 100 * float(np.linalg.norm(size)) / whole if whole else 0.0

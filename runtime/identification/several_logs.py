@@ -214,10 +214,7 @@ ONE_LOG_ONLY = ("preparation", "validation", "test", "inputs")
 
 
 def read_carried(path: Path, lib: Library) -> Array:
-    """Read the parameters that a known payload adds.
-
-    → (10 n,) π of the payload at the place of its link, 0 for the other links.
-    """
+    """π (10 n,) that a known payload adds: that of its link, 0 for the other links."""
     try:
         facts = read_payload_facts(path)
         link, values = str(facts["link"]), np.array(facts["pi_in_link"], dtype=float)

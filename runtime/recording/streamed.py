@@ -126,10 +126,7 @@ def open_streamed(
     run: str | None = None,
     joints: Sequence[str] = (),
 ) -> StreamedRecording:
-    """Open a log that stays in its file: uncompressed NPZ, Parquet, CSV, or a bag.
-
-    The arguments are those of `read_recording`.
-    """
+    """Open a log that stays in its file, as `read_recording`: NPZ, Parquet, CSV, or a bag."""
     place, chosen = place_and_recipe(path, recipe, run)
     files = LogFiles(place, chosen or Recipe(), tuple(joints), in_place=True)
     plan = files.plan()

@@ -276,10 +276,7 @@ class ColumnSolver:
     lengths: Array  # of the columns, one for a column of zeros, (p,)
 
     def solution(self, left_out: NDArray[np.bool_]) -> Array:
-        """x = argmin ‖R x − r‖² of least length in which some entries of φ are zero.
-
-        left_out (n k,) → (p,) [β; φ].
-        """
+        """x = argmin ‖R x − r‖² of least length, (p,), with some entries of φ zero, (n k,)."""
         s = self.statistics
         kept = np.concatenate([np.ones(s.n_base, dtype=bool), ~left_out])
         kept &= np.diagonal(self.gram) > 0

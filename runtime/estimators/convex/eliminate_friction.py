@@ -36,10 +36,7 @@ class Reduced:
 
 
 def reduced_of(rows: Array, target: Array, count: int, freedom: int) -> Reduced:
-    """Least squares over π of rows without friction columns, on their triangle.
-
-    rows (m, 10 n), target (m,).
-    """
+    """Least squares over π of rows (m, 10 n) without friction columns, on their triangle."""
     triangle = np.asarray(np.linalg.qr(np.column_stack([rows, target]), mode="r"))
     factor, aim = np.ascontiguousarray(triangle[:-1, :-1]), np.ascontiguousarray(triangle[:-1, -1])
     return Reduced(factor, aim, float(triangle[-1, -1] ** 2), float(count), float(freedom))

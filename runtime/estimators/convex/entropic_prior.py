@@ -131,10 +131,7 @@ def prior_from(bodies: Bodies, centre: Array, notes: tuple[str, ...] = ()) -> Pr
 
 
 def prior_of(lib: Library, pi: ArrayLike | None = None, floor: float = THIN) -> Prior:
-    """Entropic prior of a robot, with the eigenvalues of Σ_com raised to a floor.
-
-    pi (10 n,) [kg, kg·m, kg·m²].
-    """
+    """Entropic prior of a robot about π, with the eigenvalues of Σ_com raised to a floor."""
     given = lib.pi0 if pi is None else np.asarray(pi, dtype=float)
     masses = mass(links(given))
     usable = np.isfinite(links(given)).all(axis=1) & (masses > 0)
@@ -175,19 +172,13 @@ def log_evidence(prior: Prior, rows: Array, target: Array, kappa: float, pi: Arr
 def spread_of(
     bodies: Bodies, pi: Array, rows: Array, kappa: float, target: Array | None = None
 ) -> Posterior:
-    """Posterior of π with the curvature of the prior at strictly consistent bodies.
-
-    pi (10 n,), rows (m, 10 n), target (m,).
-    """
+    """Posterior of π by rows (m, 10 n) and the curvature of the prior at consistent bodies."""
     # R₀ R₀ᵀ = (κ B)⁻¹
     return posterior_of(rows, target, prior=block_diag(*bodies.spread(pi)) / np.sqrt(kappa))
 
 
 def com_sigma(root: Array, pi: Array) -> list[Array | None]:
-    """Standard deviation of the centre of mass c = (m c)/m of every link.
-
-    root (10 n, k), pi (10 n,) → (3,) [m].
-    """
+    """σ of the centre of mass c = (m c)/m of every link, (3,) [m], by a root (10 n, k)."""
     roots = root.reshape(-1, N_PARAMETERS, root.shape[1])
     return [
         _com_deviation(body, rows) if mass(body) else None

@@ -182,10 +182,7 @@ def noise_of(values: Array) -> Array:
 
 
 def prior_covariance(lib: Library, lam: Array) -> Array:
-    """Covariance of π through ∂π/∂λ from relative standard deviations of λ.
-
-    lam (10 n,) → (10 n, 10 n).
-    """
+    """Covariance of π (10 n, 10 n) through ∂π/∂λ from relative standard deviations of λ."""
     jacobian = lib.pi_jacobian(lam)
     sigma = TRUST * np.maximum(np.abs(links(lam)), LAM_FLOOR)
     blocks = jacobian * sigma[:, None, :]

@@ -116,10 +116,7 @@ class Causes:
 
 
 def causes_of_rows(lib: Library, samples: Samples, weights: Array, pi: Array) -> Causes:
-    """Compare the causes of what base parameters and friction leave of samples.
-
-    weights (n,) [1/(N·m)²], pi (10 n,).
-    """
+    """Compare the causes of what base parameters and friction leave of samples of weights (n,)."""
     fit = free_fit(lib, samples, weights)
     return Causes() if fit is None else causes_of(lib, fit, pi)
 

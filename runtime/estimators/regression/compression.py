@@ -190,10 +190,7 @@ def compress_all(lib: Library, pieces: Iterable[Samples], weights: Array) -> Sta
 def reference_triangle(
     lib: Library, samples: Samples, weights: Array, sample_weights: Array | None
 ) -> Array:
-    """Triangle of samples by NumPy, from explicit rows [F Y_b τ]; the reference of the C code.
-
-    weights (n,), sample_weights (N,) → (p + 1, p + 1).
-    """
+    """Triangle (p + 1, p + 1) of samples by NumPy, from rows [F Y_b τ]: reference of the C code."""
     rows = np.concatenate(
         [samples.friction_rows(), samples.base_rows(lib), samples.tau[:, :, None]], axis=2
     )

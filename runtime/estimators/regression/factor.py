@@ -139,10 +139,7 @@ def joined(parts: Array) -> Array:
 
 
 def from_triangle(triangle: Array, count: float, base: Array, model_hash: str) -> Statistics:
-    """Return the statistics of a triangle over [φ; β; τ].
-
-    triangle (p + 1, p + 1), base (n_b, 10 n).
-    """
+    """Return the statistics of a triangle (p + 1, p + 1) over [φ; β; τ]."""
     size, n_base = len(triangle) - 1, len(base)
     phi, beta = triangle[:size, : size - n_base], triangle[:size, size - n_base : size]
     return Statistics(

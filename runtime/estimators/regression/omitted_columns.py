@@ -71,10 +71,7 @@ class ScoreTest:
 
 
 def free_fit(lib: Library, samples: Samples, weights: Array) -> FreeFit | None:
-    """Fit base parameters and friction to about `ROWS` evenly spread samples.
-
-    weights (n,) [1/(N·m)²].
-    """
+    """Fit base parameters and friction to about `ROWS` evenly spread samples of weights (n,)."""
     if samples.equations < lib.n_joints:
         return None
     # Evenly spread rows: S is estimated from their residuals, correlated or not.

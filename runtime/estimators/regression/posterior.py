@@ -120,10 +120,7 @@ def posterior_of(
 
 
 def least_squares(matrix: Array, target: Array) -> tuple[Array, Array]:
-    """Least squares with unit columns: x of least length, and the residual b − A x.
-
-    matrix (m, p), target (m,) or (m, k) → (p,) or (p, k), as target.
-    """
+    """Least squares with unit columns: x of least length, and b − A x; b (m,) or (m, k)."""
     x = posterior_of(matrix, target).mean
     return x, np.asarray(target - matrix @ x)
 
@@ -137,10 +134,7 @@ def orthonormal(
 
 
 def triangle_of_joints(rows: Array) -> Array:
-    """Triangle R with RᵀR = Σ_j X_jᵀ X_j, joint by joint: each uses a part of the columns only.
-
-    rows (N, n, p) → (p, p).
-    """
+    """Triangle R (p, p), RᵀR = Σ_j X_jᵀ X_j, joint by joint: each uses some of the columns."""
     _, n, p = rows.shape
     parts = [np.zeros((p, p))]
     for j in range(n):

@@ -196,10 +196,7 @@ def samples_of(recording: Recording, lib: Library) -> Samples:
 
 
 def residuals(lib: Library, samples: Samples, pi: Array, phi: Array) -> Array:
-    """Residuals r = Y π + F φ − τ.
-
-    pi (10 n,) [kg, kg·m, kg·m²], phi (n, k) → (N, m) [N·m, N; W for rows of power].
-    """
+    """Residuals r = Y π + F φ − τ, (N, m) [N·m, N; W for rows of power]."""
     rest = samples.rigid(lib, pi) - samples.tau
     if phi.size:
         rest = rest + samples.friction(phi.reshape(samples.shape))
@@ -218,10 +215,7 @@ def noise(rest: Array, lib: Library, n_phi: int, inflation: float = 1.0) -> Arra
 
 
 def weights_from(sigma: Array, tau: Array) -> Array:
-    """Weights w_j = 1/s_j², with s_j kept above rounding so that w_j stays finite.
-
-    sigma (n,) [N·m, N], tau (N, n) [N·m, N] → (n,) [1/(N·m)², 1/N²].
-    """
+    """Weights w_j = 1/s_j², (n,), with s_j kept above rounding so that w_j stays finite."""
     largest = float(np.sqrt(np.mean(tau**2, axis=0)).max())
     return 1 / np.maximum(sigma, SILENT * max(largest, 1e-300)) ** 2
 

@@ -15,6 +15,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from msgspec import Meta
 from msgspec.structs import asdict
+from scipy.spatial.transform import Rotation
 
 from runtime.common.records import Record, Vector3, record_from_toml
 from runtime.errors import IdentificationError
@@ -60,11 +61,7 @@ class Obstacle:
     @property
     def rotation(self) -> Array:
         """Axes of the box in the base frame, columns of (3, 3)."""
-        (cr, cp, cy), (sr, sp, sy) = np.cos(self.rpy), np.sin(self.rpy)
-        about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-        about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-        about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-        return np.asarray(about_z @ about_y @ about_x)
+        return np.asarray(Rotation.from_euler("xyz", self.rpy).as_matrix())
 
 
 class _Entry(Record, frozen=True, kw_only=True):

@@ -33,10 +33,10 @@ from runtime.identification.comparison.run import (
     Figures,
     MethodRow,
     cells,
-    finite,
     row_facts,
 )
 from runtime.identification.problem_setup import PARTS
+from runtime.identification.result_record import plain
 from runtime.library import Array
 from runtime.library.manifest import file_units
 from runtime.recording import Recording
@@ -320,7 +320,7 @@ def _facts(
         "friction": assembly.friction.facts(),
         "weights": assembly.problem.weights.tolist(),
         "before_percent": comparison.before,
-        "convex_optimum": finite(comparison.optimum),
+        "convex_optimum": plain(comparison.optimum),
         "rows": [row_facts(row) for row in comparison.rows],
         "advice": {"take": advice.take, "sentences": list(advice.sentences)},
         "notes": [*notes, *(one_run if assembly.one_run else ())],

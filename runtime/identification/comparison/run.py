@@ -26,6 +26,7 @@ from runtime.estimators.uncertainty import uncertainty_of
 from runtime.identification import metrics
 from runtime.identification.identified import Identification
 from runtime.identification.problem_setup import Assembly
+from runtime.identification.result_record import plain
 from runtime.identification.single_log import identify_assembled
 from runtime.library import Array, Library
 from runtime.recording.notebook import Shown
@@ -94,7 +95,7 @@ def _figure_facts(f: Figures) -> dict[str, Any]:
         "smallest_relative_eigenvalue": f.smallest_eigenvalue,
         "consistent": f.is_consistent,
         "boundary": f.is_boundary,
-        "gap_to_convex_optimum": finite(f.gap),
+        "gap_to_convex_optimum": plain(f.gap),
         "excited": f.excited,
         "determined": f.determined,
     }
@@ -118,11 +119,6 @@ def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
         "–" if gap is None else f"{100 * gap:.3g}",
         "boundary" if row["boundary"] else verdict,
     )
-
-
-def finite(value: float) -> float | None:
-    """A number for JSON; None where it is not finite."""
-    return value if np.isfinite(value) else None
 
 
 SUFFIX = ".truth.json"

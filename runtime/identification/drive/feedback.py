@@ -83,10 +83,7 @@ class LinearisedDrive:
 
 
 def bias_columns(lib: Library, samples: Samples, pi: Array) -> Array:
-    """Columns ∂(Y π)/∂q of the encoder biases, by central differences of the exact model.
-
-    pi (10 n,) → (N, n, n).
-    """
+    """Columns ∂(Y π)/∂q of the encoder biases, (N, n, n), by central differences of the model."""
     n = lib.n_joints
     columns = np.empty((len(samples), n, n))
     for j in range(n):
@@ -211,10 +208,7 @@ def _taken(count: int, rough: bool) -> NDArray[np.int64]:
 
 
 def feedback_torque(result: Identification, delay: Array, request: DriveRequest) -> Array | None:
-    """The torque c that is subtracted from that of the training rows.
-
-    delay (1,) [s] → (N, n) [N·m, N].
-    """
+    """The torque c (N, n) [N·m, N] that is subtracted from that of the training rows."""
     gains = _gains(result.train.law, result.lib.n_joints)
     posterior = result.uncertainty
     if posterior is None or posterior.contradictions or posterior.model_errors:

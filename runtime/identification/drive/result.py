@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.identification.result_record import Delay, DrivePart, DriveValues
+from runtime.identification.result_record import Delay, DrivePart, DriveValues, plain
 from runtime.library import Array
 
 COLUMNS = {
@@ -81,7 +81,7 @@ class DriveFit:
     def delay_parts(self) -> Delay | tuple[Delay, ...] | None:
         """`delay_s` of result.json: one delay, one per joint, or None."""
         each = tuple(
-            Delay(value=_number(d), sigma=_number(s))
+            Delay(value=plain(d), sigma=plain(s))
             for d, s in zip(self.delay, self.delay_sigma, strict=True)
         )
         return each[0] if len(each) == 1 else each or None
@@ -100,23 +100,17 @@ class DriveFit:
         place, verdicts = places_of(columns), self.verdicts()
         drives = []
         for j, joint in enumerate(joints):
-            sigma = {
-                key: _number(spread[j, place[key]]) if key in place else None for key in COLUMNS
-            }
+            sigma = {key: plain(spread[j, place[key]]) if key in place else None for key in COLUMNS}
             values = {
-                key: None if sigma[key] is None else _number(phi[j, place[key]]) for key in COLUMNS
+                key: None if sigma[key] is None else plain(phi[j, place[key]]) for key in COLUMNS
             }
             drives.append(
                 DrivePart(
                     joint=joint,
                     **values,
-                    encoder_bias=_number(self.bias[j]),
-                    sigma=DriveValues(**sigma, encoder_bias=_number(self.bias_sigma[j])),
+                    encoder_bias=plain(self.bias[j]),
+                    sigma=DriveValues(**sigma, encoder_bias=plain(self.bias_sigma[j])),
                     encoder_bias_verdict=verdicts[j],
                 )
             )
         return tuple(drives)
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -119,10 +119,7 @@ def _shares(force: Array, unloaded: float) -> Array:
 
 
 def contact_moments(lib: Library, motion: FreeBaseMotion, shares: Array) -> Array:
-    """Moments about the contact points that the motion needs, in axes of the links.
-
-    shares (N, C) → (N, C, 3) [N·m].
-    """
+    """Moments (N, C, 3) [N·m] about the contact points that the motion needs, in axes of links."""
     base = lib.inverse_dynamics(motion.q, motion.dq, motion.ddq, lib.pi0)
     force = np.einsum("nij,nj->ni", motion.rotation, base[:, _FORCE])
     rest = np.einsum("nij,nj->ni", motion.rotation, base[:, _MOMENT])

@@ -89,10 +89,7 @@ class Body:
 
 
 def body_of(bodies: Bodies, pi: Array, covariance: Array) -> Body:
-    """Mass, centre of mass and inertia from π, with their covariance by the delta method.
-
-    pi (10,) [kg, kg·m ×3, kg·m² ×6], covariance (10, 10).
-    """
+    """Mass, centre of mass and inertia from π (10,), with their covariance by the delta method."""
     P = bodies.pseudo_inertia(pi)[0]
     m, h = float(P[3, 3]), P[:3, 3]
     inertia = _about((P[:3, :3] - np.outer(h, h) / m)[None])[0]
@@ -101,10 +98,7 @@ def body_of(bodies: Bodies, pi: Array, covariance: Array) -> Body:
 
 
 def pi_of_body(bodies: Bodies, mass: float, com: Array, inertia: Array) -> Array:
-    """π from mass, centre of mass and inertia, the inverse of `body_of`.
-
-    com (3,) m, inertia (3, 3) kg·m² → (10,) π [kg, kg·m ×3, kg·m² ×6].
-    """
+    """π (10,) from mass, centre of mass (3,) and inertia (3, 3), the inverse of `body_of`."""
     P = np.zeros((4, 4))
     P[:3, :3] = np.trace(inertia) / 2 * np.eye(3) - inertia + mass * np.outer(com, com)
     P[:3, 3] = P[3, :3] = mass * com

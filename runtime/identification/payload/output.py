@@ -75,10 +75,7 @@ def kuka_load(body: Body) -> str:
 
 
 def principal_axes(inertia: Array) -> tuple[Array, Array]:
-    """I = R diag(J) Rᵀ with det R = 1, each principal axis assigned to its nearest coordinate axis.
-
-    inertia (3, 3) → (3,).
-    """
+    """I = R diag(J) Rᵀ, det R = 1; each principal axis goes to its nearest coordinate axis."""
     J, R = np.linalg.eigh(inertia)
     # Of the orders of the axes, the one with the largest |diagonal| has the smallest rotation.
     orders = [(0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)]

@@ -99,10 +99,7 @@ def beyond_limits(q: Array, lib: Library) -> Array:
 
 
 def mismatches(q: Array, tau: Array, orders: NDArray[np.int64], lib: Library) -> Array:
-    """E of several orders of the joints.
-
-    q (N, n) [rad, m], tau (N, n), orders (P, n) → (P,) [0, 1].
-    """
+    """E (P,) of several orders (P, n) of the joints."""
     placed = np.moveaxis(q[:, orders], 1, 0)  # (P, N, n)
     still = np.zeros_like(placed).reshape(-1, lib.n_joints)
     gravity = lib.inverse_dynamics(placed.reshape(still.shape), still, still, lib.pi0)

@@ -123,10 +123,7 @@ def wraps(recording: Recording) -> list[Finding]:
 
 
 def correlation(a: Array, b: Array) -> Array:
-    """Pearson's correlation of each column of a with each column of b.
-
-    a (N, m), b (N, k) → (m, k) [−1, 1].
-    """
+    """Pearson's correlation (m, k) of each column of a (N, m) with each column of b (N, k)."""
     a, b = a - a.mean(axis=0), b - b.mean(axis=0)
     size = np.linalg.norm(a, axis=0)[:, None] * np.linalg.norm(b, axis=0)
     return np.asarray(a.T @ b / np.where(size > 0, size, np.inf))

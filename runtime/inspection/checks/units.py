@@ -294,10 +294,7 @@ def _out_of_reach(q: Array, plan: Recipe, lib: Library, doubt: str) -> Finding:
 
 
 def gravity_mismatch(q: Array, tau: Array, lib: Library) -> float:
-    """E of `runtime.inspection.checks.joint_order` in the present order of the joints.
-
-    q (N, n) [rad, m], tau (N, n).
-    """
+    """E of `inspection.checks.joint_order` in the present order of the joints."""
     take = np.linspace(0, len(q) - 1, ROWS).astype(int)
     return float(mismatches(q[take], tau[take], np.arange(lib.n_joints)[None], lib)[0])
 

@@ -114,10 +114,7 @@ class Publisher:
 def merged(
     publishers: Sequence[Publisher], names: tuple[str, ...], by_stamp: bool
 ) -> Iterator[tuple[Ticks, FloatArray]]:
-    """Yield pieces of ticks and fields of some joints; NaN where no message has a value.
-
-    Returns (k,) [ns].
-    """
+    """Yield pieces of ticks [ns] and fields of some joints; NaN where no message has a value."""
     if len(publishers) == 1:
         columns = _columns(publishers[0].names, names)[1]
         for ticks, values in publishers[0].in_order(by_stamp):

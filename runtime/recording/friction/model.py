@@ -32,10 +32,7 @@ DRIVE = ("viscous", "coulomb", "offset", "rotor")
 
 
 def default_terms(recording: Recording) -> Friction | None:
-    """Friction terms of a log for which no command names any; None for none.
-
-    Those of its recipe, else the columns of a drive where the torque is commanded.
-    """
+    """Friction terms of a log for which none are named: of its recipe, or of commanded drives."""
     terms = recording.recipe.friction if recording.recipe else None
     if terms is None and recording.torque_source == COMMANDED and recording.columns is None:
         return Friction(columns=DRIVE)
@@ -79,10 +76,7 @@ def _require_signals(motion: JointMotion, terms: tuple[Friction, ...]) -> None:
 
 
 def motion_of(recording: Recording, names: Iterable[str], lib: Library | None) -> JointMotion:
-    """Motion of a recording with the further signals that some columns need, where it has them.
-
-    `columns` refuses a signal that is missing.
-    """
+    """Motion with the further signals that some columns need, where the recording has them."""
     signals = {each: recording.signal(each) for each in signals_for(names)}
     present = {each: values for each, values in signals.items() if values is not None}
     dq = recording.required("dq")

@@ -46,10 +46,7 @@ _UP = np.array([0.0, 0.0, 9.81])
 def require_twist(
     given: FloatArray, expected: FloatArray, turn: FloatArray, t: FloatArray, name: str
 ) -> None:
-    """Refuse a twist in another convention.
-
-    given (N, 6), expected (N, 6), turn (N, 3, 3), t (N,) [s].
-    """
+    """Refuse a twist (N, 6) in another convention than the expected one."""
     linear, angular = expected[:, :3], expected[:, 3:]
     reordered = "has a quaternion w, x, y, z, expected x, y, z, w; reorder its columns"
     # With M = Rᵀ for R, ω from the pose is −R ω, so that the true one is −M ω.

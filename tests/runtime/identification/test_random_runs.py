@@ -10,6 +10,7 @@ import pinocchio
 import pytest
 
 from runtime import Identification, Library, Recording, load, write_recording
+from runtime.common.threads import one_blas_thread
 from runtime.errors import RuntimeFault
 from runtime.estimators.prior_file import read_prior
 from runtime.estimators.regression.samples import samples_of
@@ -148,6 +149,7 @@ def robots(tiny_built: Path, double: Library, robot: Callable[[str], Library]) -
     return [load(tiny_built), double, robot("gantry")]
 
 
+@one_blas_thread  # once, not in each of a thousand calls
 def test_random_runs(robots: list[Library], tmp_path: Path) -> None:
     """Property: whatever is composed ends in a result or in one sentence.
 

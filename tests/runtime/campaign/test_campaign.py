@@ -178,11 +178,12 @@ def test_a_further_motion_counts_the_earlier_logs(
 
 
 def test_a_rehearsal_names_a_planted_fault(fr3: Library) -> None:
-    """Property: the sign of one torque, in 2.5 s of the virtual arm."""
+    """Property: the sign of one torque, in 2.5 s of the virtual arm; and nothing without one."""
     motion = replace(read_trajectory(MOTION, fr3), duration=2.5)
     motion = replace(motion, coefficients=0.1 * motion.coefficients)
     planted = rehearsed(fr3, motion, "sign", 3, 1)
     assert "fr3_joint4 has the wrong sign" in " ".join(planted.sentences)
+    assert rehearsed(fr3, motion, "none", 3, 1).sentences == ()
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 """Drivers and guards: what goes wrong stops the virtual robot, and the log up to there is whole."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ from runtime import read_recording, write_recording
 from runtime.campaign.campaign import move_to
 from runtime.campaign.driver import START, Sample, Streamed
 from runtime.campaign.drivers.virtual import PlantedFault, VirtualDriver
-from runtime.campaign.guards import KeyGuard, LimitsGuard, usual_guards
+from runtime.campaign.guards import KeyGuard, LimitsGuard, model_error, usual_guards
 from runtime.errors import IdentificationError, SimulationError
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.safety import Safety
@@ -20,6 +20,23 @@ from runtime.library import Library
 MOTION = Path(__file__).parents[3] / "runtime" / "examples" / "fr3_trajectory.json"
 WITHIN_S = 0.005 + 1e-9
 """Stated time from a fault to the stop, and rounding of the clock."""
+
+
+def test_model_errors_follow_the_limits_of_efforts() -> None:
+    """Oracle: .6 % of the limit, at least .5 N·m, at most 3 %; a joint without a limit is named."""
+
+    @dataclass
+    class Arm:
+        efforts: tuple[float, ...]
+        joint_names = ("hip", "knee", "toe")
+
+        def limits(self) -> dict[str, np.ndarray]:
+            return {"effort": np.array(self.efforts)}
+
+    np.testing.assert_allclose(model_error(Arm((200.0, 20.0, 0.5))), [1.2, 0.5, 0.015])
+    for unknown in (0.0, np.inf):
+        with pytest.raises(IdentificationError, match="an effort limit of knee"):
+            model_error(Arm((200.0, unknown, 0.5)))
 
 
 @pytest.fixture(scope="module")

@@ -24,12 +24,12 @@ from tests.runtime.conftest import Command
 from tests.runtime.small import rows_of
 
 pytest.importorskip("pyarrow", reason="pip install 'symgen[experiments]'")
-TRIALS = 6
+TRIALS = 10
 
 
 @pytest.fixture(scope="module")
 def done(lib: Library, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """`all --trials 6`, small; read only."""
+    """`all --trials 10`, small; read only."""
     pytest.importorskip("mujoco", reason="pip install 'symgen[experiments]'")
     out = tmp_path_factory.mktemp("experiments")
     with small.small():
@@ -244,7 +244,7 @@ def _empty(path: Path) -> None:
 
 @pytest.mark.parametrize("damage", [_cut, _flip, _empty])
 @pytest.mark.parametrize(
-    "name", ["chunks/00000-00005.parquet", "trials.parquet", "series.npz", "result.json"]
+    "name", ["chunks/00000-00009.parquet", "trials.parquet", "series.npz", "result.json"]
 )
 def test_damaged_files_are_reported_and_computed_again(
     lib: Library, done: Path, tmp_path: Path, name: str, damage: Callable[[Path], None]

@@ -16,7 +16,7 @@ distributed = pytest.importorskip("distributed", reason="pip install 'symgen[clu
 
 def test_a_killed_worker_changes_no_digit(lib: Library, tmp_path: Path) -> None:
     """Property: chunks on two workers, one dies by SIGKILL in mid-run; rows as here, to the bit."""
-    trials = 4
+    trials = 8
     with (
         small.small(1),
         distributed.LocalCluster(

@@ -55,6 +55,23 @@ def test_bad_priors_of_a_type(text: str, said: str, lib: Library, tmp_path: Path
     assert "\n" not in str(error.value)
 
 
+def test_friction_of_a_joint_stands_at_its_place(lib: Library, tmp_path: Path) -> None:
+    """Oracle: the file; what it does not state has no prior."""
+    path = tmp_path / "fleet.toml"
+    path.write_text(
+        "[friction.fr3_joint2]\nviscous = [3, 1]\n"
+        "[friction.fr3_joint7]\ncoulomb = [0.3, 0.1]\nviscous = [2, 0.5]"
+    )
+    known = read_prior(path, lib).friction
+    assert known is not None
+    assert known.columns == ("viscous", "coulomb")
+    mean, sigma = np.zeros((7, 2)), np.full((7, 2), np.inf)
+    mean[1, 0], mean[6] = 3, (2, 0.3)
+    sigma[1, 0], sigma[6] = 1, (0.5, 0.1)
+    np.testing.assert_array_equal(known.mean, mean)
+    np.testing.assert_array_equal(known.sigma, sigma)
+
+
 def test_friction_of_another_width_is_refused(
     noisy: Recording, lib: Library, tmp_path: Path
 ) -> None:

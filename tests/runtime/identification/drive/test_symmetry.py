@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from runtime.errors import IdentificationError
+from runtime.estimators.regression.samples import samples_of
 from runtime.identification.drive.estimate import identify_drive
 from runtime.identification.drive.result import DriveRequest
 from runtime.identification.drive.symmetry import RISES, mirrored_joints, with_sides
@@ -64,6 +65,15 @@ def test_equal_drives_agree_and_a_worn_one_is_named(lib: Library, command, tmp_p
     assert not worn.agrees
     assert worn.exchanged_error_ratio is not None
     assert worn.exchanged_error_ratio > RISES
+    others = result.phi.copy()
+    for column in ("viscous", "coulomb"):  # rotors and offsets stay
+        k = result.friction.columns.index(column)
+        others[[0, 2], k] = result.phi[[2, 0], k]
+    samples = samples_of(result.test, lib)
+    rigid = samples.tau - samples.rigid(lib, result.pi)
+    errors = [(rigid - samples.friction(each))[:, [0, 2]] for each in (others, result.phi)]
+    rise = np.linalg.norm(errors[0]) / np.linalg.norm(errors[1])
+    assert worn.exchanged_error_ratio == pytest.approx(rise, rel=1e-9)
     assert "the two drives differ" in worn.sentence
     words = (
         "identify",

@@ -177,6 +177,13 @@ def test_a_further_motion_counts_the_earlier_logs(
         assert max(used) <= 0.9
 
 
+def test_later_motions_run_at_full_speed_at_once() -> None:
+    """Oracle: 10 s at 20 and 100 %, then 6 s at 100 %."""
+    plan = Plan("v=1Nm", duration=10.0, later_duration=6.0, stages=(20.0, 100.0))
+    assert [plan.stages_of(k) for k in (1, 2, 3)] == [(20.0, 100.0), (100.0,), (100.0,)]
+    assert [plan.seconds(k) for k in (1, 2, 3)] == [60.0, 6.0, 6.0]
+
+
 def test_a_rehearsal_names_a_planted_fault(fr3: Library) -> None:
     """Property: the sign of one torque, in 2.5 s of the virtual arm; and nothing without one."""
     motion = replace(read_trajectory(MOTION, fr3), duration=2.5)

@@ -16,6 +16,7 @@ from runtime.estimators.convex.entropic_prior import (
     prior_of,
 )
 from runtime.estimators.convex.newton import HalfSpaces, Subspace, _solved, convex_problem, minimise
+from runtime.estimators.convex.prior_agreement import prior_test
 from runtime.estimators.prior_file import prior_about
 from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.factor import Statistics
@@ -276,6 +277,33 @@ def test_evidence_without_data_is_that_of_any_centre(fr3):
     values = [log_evidence(each, *silent, CAD, each.centre) for each in priors]
     # Rounding of log |C| of 70 directions whose squares span 14 digits.
     np.testing.assert_allclose(values, values[0], atol=1e-6)
+
+
+def test_evidence_contains_the_density_of_the_rows(fr3):
+    """Oracle: ln N(b; A π, 1) of two targets, with the same rows and bodies."""
+    rng = np.random.default_rng(0)
+    rows, targets = rng.normal(size=(6, fr3.pi0.size)), rng.normal(size=(2, 6))
+    prior = prior_of(fr3)
+    logs = [log_evidence(prior, rows, b, CAD, prior.centre) for b in targets]
+    densities = -np.sum((rows @ prior.centre - targets) ** 2, axis=1) / 2
+    # Rounding of log |C|.
+    assert logs[0] - logs[1] == pytest.approx(densities[0] - densities[1], abs=1e-6)
+
+
+def test_the_statistic_of_a_prior_counts_rows_and_bodies(robot):
+    """Oracle: ‖A π − b‖²/S + 2 κ Σ_k [tr X_k − ln det X_k − 4], X_k = P0_k⁻¹ P_k, at the MAP."""
+    lib = robot("tree")
+    data, _ = reduce(compressed(lib), lib.n_joints)
+    prior, level = prior_of(lib), data.variance
+    pi = minimise(convex_problem(data, prior, CAD * level / data.count)).pi
+    now, then = (prior.bodies.pseudo_inertia(each) for each in (pi, prior.centre))
+    ratio = np.linalg.solve(then, now)
+    bodies = np.trace(ratio, axis1=1, axis2=2) - np.linalg.slogdet(ratio)[1] - 4
+    rows = np.sum((data.factor @ pi - data.target) ** 2) / level
+    test = prior_test(lib, data, prior, CAD, level)
+    # A decrement of 1e-3 γ.
+    assert test.statistic == pytest.approx(rows + 2 * CAD * bodies.sum(), rel=1e-3)
+    assert bodies.sum() > 0.05
 
 
 def test_the_thinnest_body_is_measured_about_its_centre_of_mass(fr3: Library) -> None:

@@ -135,7 +135,7 @@ def posture_error(
 ) -> PostureDeviation | None:  # fmt: skip
     """Errors that repeat with the position of the joint where they are largest."""
     whole, variance, q = np.linalg.inv(shape), np.diagonal(covariance), run.q
-    worst, largest = None, 1.0
+    worst, largest = None, (False, 1.0)
     for joint in np.flatnonzero(np.ptp(q, axis=0) > LEAST_TRAVEL):
         edges = np.quantile(q[:, joint], np.arange(1, GROUPS) / GROUPS)
         group = np.searchsorted(edges, q[:, joint])
@@ -145,11 +145,11 @@ def posture_error(
             score = part.T @ errors[group == k].ravel()
             changes.append(np.linalg.solve(whole - part.T @ part, score))
         ratio = (GROUPS - 1) * np.var(changes, axis=0) / variance
-        is_sure = bool(ratio.max() > SIGNIFICANT)
-        size = max(ratio[0] / COUNTED, ratio.max() / SIGNIFICANT)
+        sure = float(ratio.max()) / SIGNIFICANT
+        size = sure > 1.0, max(float(ratio[0]) / COUNTED, sure)  # what is said comes first
         if size > largest:
             factors = np.maximum(FEW * np.sqrt(ratio), 1.0)
-            worst, largest = PostureDeviation(names[int(joint)], factors, is_sure), float(size)
+            worst, largest = PostureDeviation(names[int(joint)], factors, size[0]), size
     return worst
 
 

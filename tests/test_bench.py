@@ -42,27 +42,9 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def build(home: Path) -> Any:
-    words = ("--level", "portable", "--out", str(home / "generated"))
-    return script("bench_build", *words, home=home)
-
-
-@pytest.fixture(scope="module")
 def kernels(home: Path, fr3: Library) -> Any:
     robot = str(fr3.folder)
     return script("bench_kernels", "--robot", robot, "--rounds", "1", "--no-cpp", home=home)
-
-
-def test_build_stages_add_up(build: Any) -> None:
-    units = {unit["name"]: unit["seconds"] for unit in build["units"]}
-    assert "kernels" in units
-    assert any(name.startswith("tiles_") for name in units)
-    assert all(seconds > 0 for seconds in units.values())
-    stages = [build[key] for key in ("generate", "compile", "link")]
-    assert min(stages) > 0
-    assert sum(stages) <= build["total"]
-    assert max(units.values()) <= build["compile"] + 1e-3  # two clocks
-    assert 0 < build["again"] < build["total"]
 
 
 def test_start_is_timed(home: Path) -> None:
@@ -73,31 +55,8 @@ def test_start_is_timed(home: Path) -> None:
     assert all(0 < row["seconds"] < 60 for row in rows)
 
 
-def test_throughput_names_what_is_missing(home: Path, fr3: Library) -> None:
-    """Property: rates of all cores are positive; a peer that is not installed is a sentence.
-
-    Single precision rounds 600 operations by 6e-8 each: 1e-6 of the largest torque is far above.
-    """
-    words = ("--robot", str(fr3.folder), "--throughput", "--seconds", "0.05")
-    rows = script("bench_kernels", *words, home=home)
-    ours = [row for row in rows if row["work"].startswith("τ of fr3")]
-    assert [row["precision"] for row in ours] == ["double", "double", "single"]
-    assert all(row["rate"] > 1e5 for row in ours)
-    assert float(ours[2]["remark"].split()[-3]) < 1e-6
-    frax = [row for row in rows if row["work"].startswith("frax, JAX")]
-    assert {row["precision"] for row in frax} == {"single", "double"}
-    assert all(row["rate"] or "pip install frax" in row["remark"] for row in frax)
-
-
-def test_a_build_from_nothing_needs_an_empty_folder(home: Path, build: Any) -> None:
-    command = [sys.executable, str(REPOSITORY / "scripts" / "bench_build"), "--out", str(home)]
-    run = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert run.returncode == 2
-    assert "is not empty" in run.stderr
-
-
 def test_every_kernel_on_every_layout(kernels: Any, fr3: Library) -> None:
-    """Oracle: the list above; the best level has all kernels, the others those of the bars."""
+    """Oracle: the list above; the best level has all kernels, the others two."""
     lib = fr3
     levels = set(kernels["limits"])
     assert {lib.level, "portable"} <= levels <= set(lib.levels)
@@ -125,9 +84,8 @@ def test_kernel_numbers_are_sane(kernels: Any) -> None:
         for other in row["peers"].values():
             assert other["ns"] > 0
             assert other["ratio"] == pytest.approx(other["ns"] / row["ns"])
-    assert 0.1 < kernels["clock"] < 10
     assert "Pinocchio C++" not in kernels["peers"] | kernels["missing"]
-    assert {"CasADi VM", "NumPy"} <= set(kernels["peers"])
+    assert "CasADi VM" in kernels["peers"]
 
 
 def test_stored_sines_leave_out_their_operations(kernels: Any) -> None:
@@ -141,24 +99,6 @@ def test_every_kernel_agrees_with_pinocchio(kernels: Any) -> None:
     pytest.importorskip("pinocchio")
     assert all(row["deviation"] <= 1e-12 for row in kernels["rows"])
     assert kernels["deviation"] == max(row["deviation"] for row in kernels["rows"])
-    assert kernels["bars"][-1]["met"]
-
-
-def test_arms_of_any_length(home: Path) -> None:
-    """Property: a longer arm has more to do, its regressor more than its torque."""
-    arguments = ("--joints", "--counts", "2", "4", "--no-cpp", "--rounds", "1")
-    report = script("bench_kernels", *arguments, home=home)
-    rows = {(row["kernel"], row["joints"]): row for row in report["rows"]}
-    assert set(rows) == {(kernel, n) for kernel in AT_EVERY_LEVEL for n in (2, 4)}
-    for row in rows.values():
-        assert row["ns"] > 0
-        assert row["per_operation"] == pytest.approx(row["ns"] / row["operations"])
-        assert row["ratio"] is None
-        assert row["code"] is None or row["code"] > row["operations"]  # bytes
-    for kernel in AT_EVERY_LEVEL:
-        assert rows[kernel, 2]["operations"] < rows[kernel, 4]["operations"]
-    assert rows["base_inverse_dynamics", 4]["operations"] < rows["base_regressor", 4]["operations"]
-    assert set(report["built"]) == {"serial, 2", "serial, 4"}
 
 
 def test_identification_is_timed_or_skipped(home: Path, fr3: Library) -> None:

@@ -53,8 +53,8 @@ OF_SCRIPTS = {
 } | {
     f"--{name}"
     for name in (
-        *("count", "designs", "first", "kind", "log", "help", "real", "map", "again", "parts"),
-        *("free", "latest", "only", "throughput", "resume", "serial", "compiled", "slopes", "adam"),
+        *("count", "designs", "first", "kind", "log", "help", "real", "map", "again"),
+        *("free", "latest", "only", "resume", "serial", "compiled", "slopes", "adam"),
     )
 }
 """Options of the programs in scripts/ that pages name."""

@@ -1,94 +1,29 @@
-"""Compiled helpers, limits of one core, and interleaved measurements on a noisy machine.
+"""C that is compiled for a measurement, limits of one core, interleaved rounds on a noisy machine.
 
-A library lies under ~/.cache/symgen/bench/<hash of source, flags, compiler and versions>.so, so
-that Pinocchio's templates, a minute of compilation, are paid for once. Of measurements the best of
-each round counts, and medians over rounds.
+Of measurements the best of each round counts, and medians over rounds.
 """
 
 import ctypes
-import hashlib
-import os
 import platform
-import shlex
-import shutil
-import subprocess
 import tempfile
 from collections.abc import Callable, Hashable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
-from bench.front import BenchError
+from runtime.common.compiler import machine
 from runtime.library import Array
-
-CACHE = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "symgen" / "bench"
-
-
-@dataclass(frozen=True, slots=True)
-class Compiler:
-    """A command and the first line of its `--version`."""
-
-    command: str
-    version: str
+from runtime.library.compile_cache import compiled_file
 
 
-def find(names: tuple[str, ...]) -> Compiler:
-    """The first compiler of the PATH."""
-    for name in names:
-        if shutil.which(name):
-            version = subprocess.run(
-                [name, "--version"], capture_output=True, text=True, check=True
-            )
-            return Compiler(name, version.stdout.splitlines()[0])
-    raise BenchError(f"none of the compilers {', '.join(names)} is on the PATH")
-
-
-def compile_shared(
-    compiler: Compiler, flags: tuple[str, ...], source: str, suffix: str, versions: str = ""
-) -> tuple[Path, str]:
-    """Path of the cached library of `source`, and the command that makes it."""
-    key = "\n".join((source, *flags, compiler.version, versions, _processor()))
-    target = CACHE / f"{hashlib.sha256(key.encode()).hexdigest()[:24]}.so"
-    command = (compiler.command, *flags, "-shared", "-fPIC", "-fvisibility=hidden")
-    shown = shlex.join((*command, f"source{suffix}", "-o", target.name))
-    if not target.exists():
-        CACHE.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=CACHE) as folder:
-            path, library = Path(folder) / f"source{suffix}", Path(folder) / "out.so"
-            path.write_text(source, encoding="utf-8")
-            run = subprocess.run(
-                [*command, str(path), "-o", str(library)],
-                capture_output=True,
-                text=True,
-                check=False,
-            )
-            if run.returncode != 0:
-                errors = [line for line in run.stderr.splitlines() if "error" in line]
-                complaint = (errors or run.stderr.splitlines() or ["no message"])[0]
-                raise BenchError(f"{compiler.command} refused: {complaint[:300]}")
-            library.replace(target)  # appears whole or not at all
-    return target, shown
-
-
-def open_shared(path: Path) -> ctypes.CDLL:
-    """The library; a broken one is deleted from the cache."""
-    try:
-        return ctypes.CDLL(str(path))
-    except OSError as error:
-        path.unlink(missing_ok=True)
-        raise BenchError(f"the compiled helper cannot be loaded ({error}); run again") from None
-
-
-def _processor() -> str:
-    """Processor features on which -march=native depends."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return ""
-    return "".join(dict.fromkeys(s for s in lines if s.startswith(("model name", "flags"))))
+def compiled(name: str, source: str, *flags: str) -> ctypes.CDLL:
+    """Library of a C text, compiled once for this machine."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"{name}.c"
+        path.write_text(source, encoding="utf-8")
+        return ctypes.CDLL(str(compiled_file(path, flags)))
 
 
 Key = TypeVar("Key", bound=Hashable)
@@ -181,52 +116,19 @@ __attribute__((visibility("default"))) double limit(long rounds)
 )
 """x ← x a + b in independent chains, each kept in a register by an empty asm statement."""
 
-_CLOCK = """\
-#include <time.h>
-__attribute__((visibility("default"))) double cycle(long rounds)
-{
-    struct timespec from, to;
-    volatile unsigned long seed = 5;
-    unsigned long x = seed, y = seed;
-    clock_gettime(CLOCK_MONOTONIC, &from);
-    for (long i = 0; i < rounds; ++i) {
-        STEPS
-    }
-    clock_gettime(CLOCK_MONOTONIC, &to);
-    seed = x;
-    return ((to.tv_sec - from.tv_sec) * 1e9 + (to.tv_nsec - from.tv_nsec)) / (64.0 * rounds);
-}
-""".replace("STEPS", " ".join(['x ^= y; __asm__ volatile("" : "+r"(x));'] * 64))
-"""An exclusive or takes one cycle, and each of these waits for the one before."""
 
-
-def cycle(compiler: Compiler) -> Callable[[], float]:
-    """A measurement of one cycle of the core in ns."""
-    path, _ = compile_shared(compiler, ("-O2",), _CLOCK, ".c")
-    function = open_shared(path)["cycle"]
-    function.argtypes, function.restype = (ctypes.c_long,), ctypes.c_double
-    return lambda: float(function(5_000))
-
-
-def limits(compiler: Compiler, levels: tuple[str, ...]) -> dict[str, Callable[[], float]]:
+def limits(levels: tuple[str, ...]) -> dict[str, Callable[[], float]]:
     """Per level, a measurement of ns per operation of one core; a multiply-add counts two.
 
     Levels without fused multiply-add (portable, v2) have the limit of separate instructions.
     """
-    register = "x" if platform.machine().lower() in {"x86_64", "amd64"} else "w"
     measures = {}
     for level in levels:
         width, march = WIDTHS[level]
-        kind = "v" if level == "v4" else register
-        flags = (
-            "-O2",
-            "-ffp-contract=fast",
-            *march,
-            f"-DW={width}",
-            f'-DKEEP(x)=__asm__ volatile("" : "+{kind}"(x))',
-        )
-        path, _ = compile_shared(compiler, flags, _SOURCE, ".c")
-        function = open_shared(path)["limit"]
+        kind = "v" if level == "v4" else "x" if machine() == "x86_64" else "w"
+        keep = f'-DKEEP(x)=__asm__ volatile("" : "+{kind}"(x))'
+        flags = ("-ffp-contract=fast", *march, f"-DW={width}", keep)
+        function = compiled("limit", _SOURCE, *flags)["limit"]
         function.argtypes, function.restype = (ctypes.c_long,), ctypes.c_double
         measures[level] = partial(function, 20_000)
     return measures

@@ -34,8 +34,6 @@ from runtime.identification.expected_accuracy.planned_samples import (
 from runtime.identification.single_log import identify_recording as fit
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
-from runtime.recording.friction.model import columns
-from runtime.recording.settings import JointMotion
 from runtime.simulation import Plant, ideal, record, sample_times
 from runtime.simulation.closed_loop import perturbed_lam
 
@@ -186,56 +184,3 @@ def _expected_error(
 
 def _rms(values: list[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
-
-
-def parts(lib: Library, starts: int, arms: int, seed: int, say: Callable[[str], None]) -> Sheet:
-    """Design, record and identify with and without each cause."""
-    shape = Shape(8, 20.0, FRICTION)
-    motion = _designed(lib, shape, starts, seed).trajectory
-    joints = unseen_joints(lib, lib.home)
-    errors: dict[str, list[tuple[float, float]]] = {}
-    for arm in range(arms):
-        for label, (log, pi) in _logs(lib, motion, arm).items():
-            real = error_of(lib, log, PREPARATION, pi, joints)
-            errors.setdefault(label, []).append((real, expected_error_of(lib, log, joints)[0]))
-        say(f"arm {arm}: {1e3 * errors['all'][-1][0]:.0f} mN·m")
-    means = {label: np.sqrt(np.mean(np.square(pairs), axis=0)) for label, pairs in errors.items()}
-    rows = [(label, *(1e3 * mean)) for label, mean in means.items()]
-    title = f"{lib.name}: causes of the real error, {processor()}"
-    caption = (
-        f"Criterion mixed, {shape.duration:g} s, best of {starts} starts. RMS torque error on "
-        f"unseen motions, mN·m, over {arms} virtual arms."
-    )
-    columns = {"the logs contain": "", "real": ".0f", "by residuals": ".0f"}
-    return sheet_of("bench_excitation_parts", columns, rows, title=title, caption=caption)
-
-
-def _logs(lib: Library, motion: Trajectory, arm: int) -> dict[str, tuple[Recording, Array]]:
-    """Logs of one arm by what they contain, and the parameters of its links."""
-    whole = record(lib, motion, seed=arm, truth_seed=arm)
-    log, true, sensors = whole.recording, whole.motion, whole.truth.sensors
-    rigid = lib.regressor(true.q, true.dq, true.ddq) @ whole.truth.pi
-    friction = true.link - rigid
-    described = np.empty_like(friction)
-    shapes = columns(JointMotion(true.dq), TERMS)
-    for j in range(lib.n_joints):
-        described[:, j] = shapes[:, j] @ np.linalg.lstsq(shapes[:, j], friction[:, j])[0]
-    usual = rigid + described
-    scaled = sensors.gain * usual + sensors.bias
-    noise = log.tau - (sensors.gain * true.link + sensors.bias)
-    measured, exact = (log.q, log.dq), (true.q, true.dq)
-    torques = {
-        "all": (measured, log.tau),
-        "all but wrong gains": (measured, true.link + sensors.bias + noise),
-        "all but friction beyond the columns": (measured, scaled + noise),
-        "all but noise of the torque": (measured, sensors.gain * true.link + sensors.bias),
-        "all with the exact motion": (exact, log.tau),
-        "wrong gains alone": (exact, scaled),
-        "friction beyond the columns alone": (exact, true.link),
-        "measured motion alone": (measured, usual),
-    }
-    names, pi = lib.joint_names, whole.truth.pi
-    return {
-        label: (Recording(log.t, q, dq, tau=tau, name="virtual", joint_names=names), pi)
-        for label, ((q, dq), tau) in torques.items()
-    }

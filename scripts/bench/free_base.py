@@ -6,7 +6,6 @@ of every contact wrench, with noise. Of iCub the first half of the log predicts 
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -186,35 +185,3 @@ def _best_mass(vertical: VerticalForce) -> float:
     """RMS of f − s p at the best factor s of the URDF's force p [N]."""
     p, f = vertical.predicted, vertical.measured
     return float(np.sqrt(np.mean((f - p * (p @ f) / (p @ p)) ** 2)))
-
-
-LOADED = 0.15
-"""Share of the median sum from which a foot counts as loaded; a lifted foot reads up to 6 %."""
-SHORTEST_S = 0.1  # shortest stance that is counted [s]
-GRAVITY = 9.81
-
-_SUMS = dict.fromkeys(("s", "mean ΣF_z / g, kg", "lifted foot / g, kg"), ".2f")
-STANCES = {"half": "", "loaded feet": "", **_SUMS}
-
-
-def stances(log: dict[str, Any]) -> Sheet:
-    """Time in every stance in either half of a log, and means of the sensors."""
-    forces = np.stack([log["lf_fz"], log["rf_fz"]], axis=1)
-    total, t = forces.sum(axis=1), log["t"] - log["t"][0]
-    loaded = forces > LOADED * np.median(total)
-    kinds = loaded[:, 0] * 1 + loaded[:, 1] * 2
-    step = float(np.median(np.diff(t)))
-    starts = np.flatnonzero(np.diff(kinds, prepend=-1))
-    long_enough = np.zeros(len(t), dtype=bool)
-    for first, last in zip(starts, [*starts[1:], len(t)], strict=True):
-        long_enough[first:last] = (last - first) * step >= SHORTEST_S
-    rows = []
-    for half, within in (("first", t < t[-1] / 2), ("second", t >= t[-1] / 2)):
-        for kind, feet in ((3, "both"), (1, "left"), (2, "right")):
-            chosen = within & long_enough & (kinds == kind)
-            if chosen.any():
-                lifted = None if kind == 3 else float(forces[chosen, 2 - kind].mean() / GRAVITY)
-                mass = float(total[chosen].mean() / GRAVITY)
-                rows.append((half, feet, float(chosen.sum() * step), mass, lifted))
-    title = "iCub walking: what the force sensors read"
-    return sheet_of("free_base_table stances", STANCES, rows, title=title)

@@ -8,12 +8,13 @@ import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from bench import doors
 from bench.batch import make_batch
-from bench.compiled import burst, find, interleave, limits, processor, ratio
+from bench.compiled import burst, interleave, limits, processor, ratio
 from bench.doors import Door
 from bench.front import BenchError, Sheet, ratio_text
 from bench.ours import Ours
@@ -55,23 +56,10 @@ ENTRIES = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
-    """Seconds of one unit; a ratio says how many times longer the other takes."""
-
-    name: str
-    label: str
-    seconds: float
-    numpy: float | None
-    numpy_ratio: float | None
-    document: float | None
-    document_ratio: float | None
-
-
 @one_blas_thread
 def measure(lib: Library, rounds: int, trials: bool, report: Callable[[str], None]) -> Sheet:
     """Time every entry that the library has functions for."""
-    setting, skipped, rows = doors.setting(lib), dict[str, str](), list[Row]()
+    setting, skipped, rows = doors.setting(lib), dict[str, str](), list[dict[str, Any]]()
     has = _functions(lib)
     for entry in ENTRIES:
         why = _refusal(entry, lib, has, trials)
@@ -90,10 +78,10 @@ def measure(lib: Library, rounds: int, trials: bool, report: Callable[[str], Non
     )
     lines = [
         (
-            row.label,
-            _time(row.seconds),
-            *(_time(row.numpy), ratio_text(row.numpy_ratio)),
-            *(_time(row.document), ratio_text(row.document_ratio)),
+            row["label"],
+            _time(row["seconds"]),
+            *(_time(row["numpy"]), ratio_text(row["numpy_ratio"])),
+            *(_time(row["document"]), ratio_text(row["document_ratio"])),
         )
         for row in rows
     ]
@@ -115,9 +103,9 @@ def _refusal(entry: Entry, lib: Library, has: Callable[[str], bool], trials: boo
     return "not requested (--no-trials)" if entry.once and not trials else None
 
 
-def _measured(entry: Entry, setting: doors.Setting, rounds: int) -> Row:
-    ours = entry.ours(setting)
-    numpy, times = None, None
+def _measured(entry: Entry, setting: doors.Setting, rounds: int) -> dict[str, Any]:
+    """Seconds of one unit; a ratio says how many times longer the other takes."""
+    ours, numpy, times = entry.ours(setting), None, None
     if entry.once:
         seconds = ours()
     else:
@@ -129,16 +117,9 @@ def _measured(entry: Entry, setting: doors.Setting, rounds: int) -> Row:
         if "numpy" in times_of:
             numpy = float(np.median(times_of["numpy"]))
             times = ratio(times_of["numpy"], times_of["ours"])
-    document = entry.document
-    return Row(
-        entry.ours.__name__,
-        entry.label,
-        seconds,
-        numpy,
-        times,
-        document,
-        None if document is None else document / seconds,
-    )
+    row = {"name": entry.ours.__name__, "label": entry.label, "seconds": seconds, "numpy": numpy}
+    of_document = None if entry.document is None else entry.document / seconds
+    return row | {"numpy_ratio": times, "document": entry.document, "document_ratio": of_document}
 
 
 def _time(seconds: float | None) -> str:
@@ -162,15 +143,14 @@ def passes_of(setting: doors.Setting, rounds: int) -> dict[str, float]:
     same rows take 1.94 times as many multiply-adds on an FR3.
     """
     lib = setting.lib
-    compiler = find(("cc", "gcc", "clang"))
     products, elimination = multiply_adds(lib)
-    tiles = Ours(lib, ("base_regressor",), compiler).contender(
+    tiles = Ours(lib, ("base_regressor",)).contender(
         "base_regressor", lib.level, "tiles", make_batch(lib, TILES)
     )
     if tiles is None:
         raise BenchError(f"the level '{lib.level}' of '{lib.name}' has no Y_b on tiles")
     contenders: dict[str, Callable[[], float]] = {
-        "limit": limits(compiler, (lib.level,))[lib.level],
+        "limit": limits((lib.level,))[lib.level],
         "rows": burst(tiles.run, TILES),
         "statistics": doors.statistics(setting, SHORT),
         "eliminated": doors.statistics_of_exact(setting, SHORT),

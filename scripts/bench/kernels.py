@@ -1,14 +1,13 @@
 """The run behind `scripts/bench_kernels`: contenders, interleaved rounds, one report."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from bench import peers
 from bench.batch import Batch, Symbolic, make_batch, symbolic
-from bench.compiled import burst, cycle, find, interleave, limits, processor, ratio
+from bench.compiled import burst, interleave, limits, processor, ratio
 from bench.front import BenchError, Sheet, ratio_text
 from bench.ours import LANES, LAYOUTS, Contender, Ours
 from bench.pinocchio_cpp import pinocchio_cpp
@@ -35,55 +34,6 @@ LARGEST = 640 * 1024
 AGREEMENT = 1e-8
 """Largest relative difference between a peer and us: rounding times the condition of M."""
 
-CPP = "Pinocchio C++"
-
-RATIOS = (
-    ("base_inverse_dynamics", "v4", "tiles", 50.0),
-    ("base_inverse_dynamics", "v4", "stored", 80.0),
-    ("base_regressor", "v4", "tiles", 75.0),
-    ("base_inverse_dynamics", "v3", "tiles", 20.0),
-    ("base_regressor", "v3", "tiles", 35.0),
-    ("base_inverse_dynamics", "portable", "tiles", 5.0),
-)
-"""Kernel, level, layout, how many times longer Pinocchio in C++ takes at least."""
-LONGEST = (("torque_jacobian", "v4", "tiles", 65.0),)
-"""Kernel, level, layout, ns per sample at most."""
-DEVIATION = 1e-12  # relative difference from Pinocchio at most, every kernel at every level
-
-
-@dataclass(frozen=True, slots=True)
-class Bar:
-    """A requirement, its measured value, and whether it is met."""
-
-    text: str
-    measured: float
-    met: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Against:
-    """A peer's algorithm, its ns per sample, and how many times longer it takes than we do."""
-
-    algorithm: str
-    ns: float
-    ratio: float
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """One kernel at one level on one layout of its arrays."""
-
-    kernel: str
-    level: str
-    layout: str  # of `ours.LAYOUTS`
-    samples: int  # per call
-    ns: float
-    operations: int  # per sample
-    gflops: float
-    share: float  # of the measured multiply-add limit at the level's width
-    deviation: float | None  # largest relative difference from Pinocchio; None without it
-    peers: dict[str, Against]
-
 
 def measure(lib: Library, samples: int, rounds: int, cpp: bool) -> Sheet:
     """Time a library's kernels and its peers in the same rounds."""
@@ -92,12 +42,12 @@ def measure(lib: Library, samples: int, rounds: int, cpp: bool) -> Sheet:
     batch = make_batch(lib, samples)
     names = tuple(name for name in LABELS if name in lib.manifest.kernels)
     facts = symbolic(lib, names)
-    compiler = find(("cc", "gcc", "clang"))
     levels = tuple(level for level in ORDER[ORDER.index(lib.level) :] if level in lib.levels)
-    timers = Ours(lib, names, compiler)
+    timers = Ours(lib, names)
     ours = _ours(timers, names, levels, batch)
-    contenders: dict[tuple[str, ...], Callable[[], float]] = {("cycle",): cycle(compiler)}
-    contenders |= {("limit", level): one for level, one in limits(compiler, levels).items()}
+    contenders: dict[tuple[str, ...], Callable[[], float]] = {
+        ("limit", level): one for level, one in limits(levels).items()
+    }
     contenders |= {("ours", *key): burst(one.run, one.samples) for key, one in ours.items()}
     rivals, missing = _rivals(lib, batch, facts, cpp)
     tail = batch.part(slice(-LANES, None))
@@ -108,31 +58,26 @@ def measure(lib: Library, samples: int, rounds: int, cpp: bool) -> Sheet:
                 _compare(label, name, rival, timers.contender(name, levels[0], "batch", tail))
     deviations = _deviations(lib, batch, ours, missing)
     times_of = interleave(contenders, rounds)
-    rows = tuple(
-        _row(key, one.samples, facts[key[0]], times_of, rivals, deviations)
+    rows = [
+        _row(key, one.samples, facts[key[0]], times_of, rivals) | {"deviation": deviations.get(key)}
         for key, one in ours.items()
-    )
+    ]
     report = {
         "robot": lib.name,
         "samples": samples,
         "rounds": rounds,
         "processor": processor(),
-        "timer": compiler.version,
-        "clock": 1 / float(np.median(times_of[("cycle",)])),  # GHz
         "limits": {level: 1 / float(np.median(times_of["limit", level])) for level in levels},
         "peers": {label: peer.detail for label, peer in rivals.items()},
         "missing": missing,
         "deviation": max(deviations.values(), default=None),  # from Pinocchio
-        "bars": _bars(rows),
         "rows": rows,
     }
-    labels = [label for label in rivals if label != "NumPy"]  # it starts from a stored Y
-    head = ("kernel", "level", "tiles, ns", "limit", "samples, ns", *labels)
+    head = ("kernel", "level", "tiles, ns", "limit", "samples, ns", *rivals)
     title = f"{lib.name}: ns per sample, {processor()}"
     caption = CAPTION.format(rounds=rounds, samples=samples)
-    return Sheet(
-        "bench_kernels", head, _lines(rows, labels), report, title, caption, _notes(report)
-    )
+    lines = _lines(rows, [*rivals])
+    return Sheet("bench_kernels", head, lines, report, title, caption, _notes(report))
 
 
 Key = tuple[str, str, str]
@@ -172,7 +117,6 @@ def _rivals(
         "CasADi VM": lambda: peers.casadi_vm(
             {name: (one.function, one.inputs) for name, one in facts.items()}, batch
         ),
-        "NumPy": lambda: peers.numpy_stored(lib, batch),
     }
     if not cpp:
         del makers["Pinocchio C++"]
@@ -224,49 +168,28 @@ def _row(
     facts: Symbolic,
     times_of: dict[tuple[str, ...], Array],
     rivals: dict[str, peers.Peer],
-    deviations: dict[Key, float],
-) -> Row:
+) -> dict[str, Any]:
+    """One kernel at one level on one layout: samples per call, ns and operations per sample.
+
+    `share` is that of the measured multiply-add limit at the level's width, `ratio` how many times
+    longer a peer takes.
+    """
     name, level, layout = key
     times = times_of["ours", *key]
-    count = facts.operations
-    if layout == "stored":
-        count -= facts.sines
+    count = facts.operations - (facts.sines if layout == "stored" else 0)
     against = {
-        label: Against(
-            peer.contenders[name].algorithm,
-            float(np.median(times_of[label, name])),
-            ratio(times_of[label, name], times),
-        )
+        label: {
+            "algorithm": peer.contenders[name].algorithm,
+            "ns": float(np.median(times_of[label, name])),
+            "ratio": ratio(times_of[label, name], times),
+        }
         for label, peer in rivals.items()
         if name in peer.contenders
     }
     ns = float(np.median(times))
     share = float(np.median(count / times * times_of["limit", level]))
-    return Row(
-        name, level, layout, samples, ns, count, count / ns, share, deviations.get(key), against
-    )
-
-
-def _bars(rows: tuple[Row, ...]) -> tuple[Bar, ...]:
-    """Bars whose row and whose peer were measured."""
-    by_key = {(row.kernel, row.level, row.layout): row for row in rows}
-    result = []
-    for *key, least in RATIOS:
-        row = by_key.get(tuple(key))
-        if row is not None and CPP in row.peers:
-            times = row.peers[CPP].ratio
-            text = f"{' '.join(key)}: at least {least:.0f} times as fast as {CPP}"
-            result.append(Bar(text, times, times >= least))
-    for *key, most in LONGEST:
-        row = by_key.get(tuple(key))
-        if row is not None:
-            result.append(Bar(f"{' '.join(key)}: at most {most:.0f} ns", row.ns, row.ns <= most))
-    known = [row.deviation for row in rows if row.deviation is not None]
-    if known:
-        worst = max(known)
-        text = f"every kernel and level: within {DEVIATION:.0e} of Pinocchio"
-        result.append(Bar(text, worst, worst <= DEVIATION))
-    return tuple(result)
+    row = {"kernel": name, "level": level, "layout": layout, "samples": samples, "ns": ns}
+    return row | {"operations": count, "gflops": count / ns, "share": share, "peers": against}
 
 
 CAPTION = (
@@ -281,48 +204,28 @@ CAPTION = (
 )
 
 
-def _lines(rows: tuple[Row, ...], labels: list[str]) -> list[tuple[str, ...]]:
+def _lines(rows: list[dict[str, Any]], labels: list[str]) -> list[tuple[str, ...]]:
     """One line per kernel and level, tiles and samples side by side."""
-    pairs: dict[tuple[str, str, bool], dict[bool, Row]] = {}
+    pairs: dict[tuple[str, str, bool], dict[bool, dict[str, Any]]] = {}
     for row in rows:
-        key = (row.kernel, row.level, row.layout == "stored")
-        pairs.setdefault(key, {})[row.layout == "batch"] = row
+        key = (row["kernel"], row["level"], row["layout"] == "stored")
+        pairs.setdefault(key, {})[row["layout"] == "batch"] = row
     lines = []
     for (kernel, level, stored), pair in pairs.items():
         row = pair.get(False) or pair[True]
-        label = LABELS.get(kernel, kernel)
-        lines.append(
-            (
-                f"{label}, sine and cosine stored" if stored else label,
-                level,
-                f"{pair[False].ns:.1f}" if False in pair else "",
-                f"{100 * row.share:.0f} %",
-                f"{pair[True].ns:.1f}" if True in pair else "",
-                *(ratio_text(row.peers[x].ratio if x in row.peers else None) for x in labels),
-            )
-        )
+        tiles, samples = (f"{pair[k]['ns']:.1f}" if k in pair else "" for k in (False, True))
+        label = LABELS[kernel] + (", sine and cosine stored" if stored else "")
+        ratios = (ratio_text(row["peers"].get(x, {}).get("ratio")) for x in labels)
+        lines.append((label, level, tiles, f"{100 * row['share']:.0f} %", samples, *ratios))
     return lines
 
 
 def _notes(report: dict[str, Any]) -> list[str]:
-    """Limits, requirements, algorithms of the peers and missing peers, one line each."""
+    """Limits, algorithms of the peers and missing peers, one line each."""
     limits = ", ".join(f"{level} {value:.1f}" for level, value in report["limits"].items())
-    timer, clock = report["timer"], report["clock"]
-    lines = [f"limit of one core, GFLOP/s: {limits} (with {timer}); clock {clock:.2f} GHz"]
-    cycles = {
-        item.algorithm: item.ns * clock
-        for row in report["rows"]
-        for label, item in row.peers.items()
-        if label == "Pinocchio C++"
-    }
-    if cycles:
-        listed = ", ".join(f"{name} {count:.0f}" for name, count in cycles.items())
-        lines.append(f"cycles of one call of Pinocchio C++: {listed}")
+    lines = [f"limit of one core, GFLOP/s: {limits}"]
     for label, detail in report["peers"].items():
-        used = {row.kernel: row.peers[label] for row in report["rows"] if label in row.peers}
-        names = ", ".join(f"{kernel}: {item.algorithm}" for kernel, item in used.items())
+        used = {row["kernel"]: row["peers"].get(label) for row in report["rows"]}
+        names = ", ".join(f"{kernel}: {one['algorithm']}" for kernel, one in used.items() if one)
         lines += [f"{label}: {names}", f"    {detail}"]
-    lines += [f"{label} did not run: {why}." for label, why in report["missing"].items()]
-    for bar in report["bars"]:
-        lines.append(f"{'met   ' if bar.met else 'MISSED'} {bar.text}: {bar.measured:.3g}")
-    return lines
+    return lines + [f"{label} did not run: {why}." for label, why in report["missing"].items()]

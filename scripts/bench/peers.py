@@ -1,4 +1,4 @@
-"""Peers that compute the same: Pinocchio and MuJoCo from Python, CasADi's VM, NumPy.
+"""Peers that compute the same: Pinocchio and MuJoCo from Python, CasADi's VM.
 
 Every peer gets the same states and the same model, and its result for the last sample of the
 batch is compared with ours before its time counts. `pinocchio_cpp` is one more.
@@ -170,40 +170,6 @@ def casadi_vm(functions: dict[str, tuple[Any, tuple[str, ...]]], batch: Batch) -
 
     contenders = {name: contender(f, names) for name, (f, names) in functions.items()}
     return Peer(f"casadi {version('casadi')}", contenders)
-
-
-def numpy_stored(lib: Library, batch: Batch) -> Peer:
-    """NumPy products with the stored Y of all samples."""
-    n = lib.n_joints
-    y = lib.regressor(batch.q, batch.dq, batch.ddq)
-    flat = y.reshape(-1, 10 * n)
-    base = np.ascontiguousarray(flat[:, lib.base_columns])
-    by_link = np.ascontiguousarray(flat.reshape(-1, n, 10).transpose(1, 0, 2))
-    blocks = lib.pi_jacobian(batch.lam)
-
-    def loss() -> Array:
-        r = flat @ batch.pi - batch.tau.ravel()
-        return flat.T @ (np.tile(batch.weight, batch.size) * r)
-
-    def contender(
-        algorithm: str, whole: Callable[[], Array], last: Callable[[Array], Array] | None
-    ) -> Contender:
-        of_last = None if last is None else lambda: last(whole())
-        return Contender(algorithm, repeated(whole, batch.size), of_last)
-
-    product = contender("stored Y @ π", lambda: flat @ batch.pi, lambda tau: tau[-n:])
-    contenders = {
-        "inverse_dynamics": product,
-        "base_inverse_dynamics": contender(
-            "stored Y_b @ β", lambda: base @ batch.beta, lambda tau: tau[-n:]
-        ),
-        "torque": product,
-        "torque_jacobian": contender(
-            "stored Y @ ∂π/∂λ", lambda: by_link @ blocks, lambda j: j[:, -n:].transpose(1, 0, 2)
-        ),
-        "loss_gradient": contender("stored Yᵀ W (Y @ π − τ)", loss, None),
-    }
-    return Peer(f"numpy {np.__version__}", contenders)
 
 
 def oracle(lib: Library, batch: Batch) -> dict[str, Array]:

@@ -2,19 +2,33 @@
 
 import ctypes
 import itertools
+import shlex
+import shutil
+import tempfile
 from collections.abc import Callable
+from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any
 
+import casadi
 import numpy as np
+import platformdirs
 
 from bench.batch import Batch
-from bench.compiled import compile_shared, find, open_shared
+from bench.compiled import processor
 from bench.front import BenchError
 from bench.peers import REGRESSOR, Contender, Peer, pinocchio_model
+from runtime.common.compiler import compiler_version, run
 from runtime.library import Array, Library, to_pinocchio_order
 
+SOURCE = Path(__file__).with_name("pinocchio_bench.cpp")
+FLAGS = (
+    *("-std=c++17", "-O3", "-march=native", "-DNDEBUG", "-shared", "-fPIC", "-fvisibility=hidden"),
+    # the definitions that Pinocchio's own CMake package hands to its users
+    *("-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS", "-DBOOST_MPL_LIMIT_LIST_SIZE=30"),
+    *("-DBOOST_MPL_LIMIT_VECTOR_SIZE=30", "-DBOOST_FUSION_INVOKE_MAX_ARITY=12"),
+)
 INSTANCES = 4
 """Models with data of their own, measured in turn, the best one counts: with a single one, now and
 then a process was a third slower at the regressor while all else was as fast as ever."""
@@ -22,23 +36,7 @@ then a process was a third slower at the regressor while all else was as fast as
 
 def pinocchio_cpp(lib: Library, batch: Batch) -> Peer:
     """Pinocchio's header-only algorithms, compiled for this processor."""
-    compiler = find(("clang++", "g++"))
-    includes, versions = _headers()
-    flags = (
-        "-std=c++17",
-        "-O3",
-        "-march=native",
-        "-DNDEBUG",
-        # the definitions that Pinocchio's own CMake package hands to its users
-        "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS",
-        "-DBOOST_MPL_LIMIT_LIST_SIZE=30",
-        "-DBOOST_MPL_LIMIT_VECTOR_SIZE=30",
-        "-DBOOST_FUSION_INVOKE_MAX_ARITY=12",
-        *(part for path in includes for part in ("-isystem", str(path))),
-    )
-    source = (Path(__file__).parent / "pinocchio_bench.cpp").read_text(encoding="utf-8")
-    path, command = compile_shared(compiler, flags, source, ".cpp", versions)
-    dll = open_shared(path)
+    dll, detail = _compiled()
     opener = dll["peer_open"]
     opener.restype = ctypes.c_void_p
     states = [ctypes.c_void_p(x.ctypes.data) for x in (batch.q, batch.dq, batch.ddq, batch.tau)]
@@ -70,7 +68,7 @@ def pinocchio_cpp(lib: Library, batch: Batch) -> Peer:
         return y
 
     return Peer(
-        f"{versions}; {compiler.version}; {command}",
+        detail,
         {
             "inverse_dynamics": contender("rnea", torque),
             "base_inverse_dynamics": contender("rnea", torque),
@@ -121,6 +119,26 @@ def _numbers(values: Array) -> str:
     return " ".join(f"{x:.17g}" for x in values)
 
 
+def _compiled() -> tuple[ctypes.CDLL, str]:
+    """The library, compiled once a minute long, and versions and command that made it."""
+    compiler = next(filter(shutil.which, ("clang++", "g++")), None)
+    if compiler is None:
+        raise BenchError("neither clang++ nor g++ is on the PATH")
+    includes, versions = _headers()
+    command = (compiler, *FLAGS, *(part for path in includes for part in ("-isystem", str(path))))
+    detail = f"{versions}; {compiler_version((compiler,))}; {shlex.join(command)}"
+    key = SOURCE.read_text(encoding="utf-8") + detail + processor()
+    target = (
+        platformdirs.user_cache_path("symgen") / "bench" / f"{sha256(key.encode()).hexdigest()}.so"
+    )
+    if not target.exists():
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=target.parent) as folder:
+            run((*command, str(SOURCE), "-o", target.name), Path(folder))
+            (Path(folder) / target.name).replace(target)  # appears whole or not at all
+    return ctypes.CDLL(str(target)), detail
+
+
 def _headers() -> tuple[tuple[Path, ...], str]:
     """Folders with the headers of Pinocchio, Boost and Eigen, and whose versions they are.
 
@@ -135,25 +153,8 @@ def _headers() -> tuple[tuple[Path, ...], str]:
     name = f"pinocchio {package.version}"
     if not (prefix / "pinocchio" / "algorithm" / "rnea.hpp").exists():
         raise BenchError(f"the installed Pinocchio brings no headers in '{prefix}'")
-    eigens = [prefix / "eigen3", Path("/usr/include/eigen3")]
-    try:
-        import casadi
-
-        eigens.insert(1, Path(casadi.__file__).parent / "include" / "eigen3")
-    except ImportError:
-        pass
-    for eigen in eigens:
+    eigens = [prefix / "eigen3", Path(casadi.__file__).parent / "include/eigen3"]
+    for eigen in (*eigens, Path("/usr/include/eigen3")):
         if (eigen / "Eigen" / "Core").exists():
-            return (prefix, eigen), f"{name}, Eigen {_eigen_version(eigen)}"
+            return (prefix, eigen), name
     raise BenchError("no Eigen headers found (looked for cmeel-eigen, CasADi's copy, /usr/include)")
-
-
-def _eigen_version(folder: Path) -> str:
-    text = "".join(
-        path.read_text(encoding="utf-8", errors="replace")
-        for path in (folder / "Eigen/Version", folder / "Eigen/src/Core/util/Macros.h")
-        if path.exists()
-    )
-    words = text.split()
-    names = [f"EIGEN_{part}_VERSION" for part in ("WORLD", "MAJOR", "MINOR")]
-    return ".".join(words[words.index(n) + 1] if n in words else "?" for n in names)

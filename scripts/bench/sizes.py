@@ -1,29 +1,20 @@
-"""Cost of builds: of robots of many joints, and of every compilation of one robot.
-
-A timed build runs `python -m symgen build` as a user would, with $CC pointing to a wrapper that
-runs the same compiler and notes when each call began and ended; nothing else is different.
-"""
+"""Cost of builds of artificial robots of any number of joints, serial or branching."""
 
 import json
 import os
-import shlex
-import sys
 import tempfile
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 
-from bench import arms
-from bench.front import BenchError, Sheet, cpu_seconds, python, sheet_of
-from runtime.common.compiler import compiler_version, find_compiler
+from bench.front import Sheet, cpu_seconds, python, sheet_of
 from runtime.library import load
 
 COUNTS = {7: (), 15: (1, 2, 7), 29: (1, 4, 7), 60: (4, 8, 7)}
-"""Joints → trunk, branches and joints per branch of `arms.branching`; empty: a serial arm."""
+"""Joints → trunk, branches and joints per branch of `branching`; empty: a serial arm."""
 SAMPLES = 20_000  # states of a timed batch
 _RUN = """
 import json, resource, sys
@@ -55,7 +46,7 @@ def sizes(counts: tuple[int, ...], serial: tuple[int, ...], folder: Path) -> She
 
 
 def _size(joints: int, shape: tuple[int, ...], folder: Path) -> tuple:
-    urdf = arms.branching(*shape) if shape else arms.serial(joints)
+    urdf = branching(*shape) if shape else serial(joints)
     name = f"size{joints}" if shape else f"serial{joints}"
     path = folder / f"{name}.urdf"
     path.write_text(urdf, encoding="utf-8")
@@ -115,102 +106,62 @@ def _torque_cpu(urdf: str) -> float:
     return cpu_seconds() - start
 
 
-_WRAPPER = """\
-import json, os, subprocess, sys, time
-log, *command = sys.argv[1:]
-start = time.time()
-status = subprocess.run(command).returncode
-with open(log, "a") as out:
-    out.write(json.dumps([start, time.time(), command]) + "\\n")
-sys.exit(status)
-"""
+_AXES = ("1 0 0", "0 1 0", "0 0 1")
 
 
-@dataclass(frozen=True, slots=True)
-class Unit:
-    """One call of the compiler, seconds from the start of the build."""
+def serial(n: int, seed: int = 0) -> str:
+    """A chain of n revolute joints.
 
-    name: str
-    start: float
-    seconds: float
-
-
-@dataclass(frozen=True, slots=True)
-class Build:
-    """Seconds of one build from nothing, and of the call after it."""
-
-    robot: str
-    compiler: str
-    cores: int
-    generate: float  # from the start of Python to the first compilation: imports, URDF to C text
-    compile: float  # from the first compilation to the end of the last, in parallel
-    link: float  # of the shared library
-    total: float  # as the user waits, hashes and renaming included
-    again: float  # the same command once more, with nothing to do
-    bytes: int
-    units: tuple[Unit, ...]  # every compilation; they overlap
+    Neighbouring axes are at right angles, as most arms have them; where a joint sits on its link
+    and what the link weighs is random.
+    """
+    return _urdf(f"serial{n}", [k - 1 for k in range(n)], seed)
 
 
-def one_build(robot: str, kept: Path | None = None, levels: Sequence[str] = ()) -> Build:
-    """Build a bundled robot twice in an empty folder."""
-    if kept is not None and kept.exists() and any(kept.iterdir()):
-        raise BenchError(f"'{kept}' is not empty, and a build from nothing needs an empty folder")
-    compiler = find_compiler()
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        wrapper, log = folder / "timed.py", folder / "calls.jsonl"
-        wrapper.write_text(_WRAPPER, encoding="utf-8")
-        timed = (sys.executable, "-I", "-S", str(wrapper), str(log), *compiler)
-        out = kept or folder / "generated"
-        start = time.time()
-        total = _build(robot, out, timed, levels)
-        again = _build(robot, out, timed, levels)
-        lines = log.read_text(encoding="utf-8").splitlines()
-        size = (out / robot / f"lib{robot}.so").stat().st_size
-    calls = [json.loads(line) for line in lines]
-    units = tuple(
-        Unit(Path(command[command.index("-o") + 1]).stem, begin - start, end - begin)
-        for begin, end, command in sorted(calls)
-        if "-c" in command
+def branching(trunk: int, branches: int, length: int, seed: int = 0) -> str:
+    """A trunk that carries several arms of the same length."""
+    parents = [k - 1 for k in range(trunk)]
+    for branch in range(branches):
+        first = trunk + branch * length
+        parents += [trunk - 1, *range(first, first + length - 1)]
+    return _urdf(f"tree{len(parents)}", parents, seed)
+
+
+def _urdf(name: str, parents: list[int], seed: int) -> str:
+    """Joint k moves link k; parent −1 is the base."""
+    rng = np.random.default_rng(seed)
+    parts = [f'<robot name="{name}">', '<link name="base"/>']
+    axes: list[int] = []
+    for k, parent in enumerate(parents):
+        last = axes[parent] if parent >= 0 else int(rng.integers(3))
+        axes.append((last + 1 + int(rng.integers(2))) % 3)
+        above = f"link{parent + 1}" if parent >= 0 else "base"
+        parts += [
+            _link(f"link{k + 1}", rng),
+            f'<joint name="joint{k + 1}" type="revolute"><parent link="{above}"/>'
+            f'<child link="link{k + 1}"/><origin xyz="{_numbers(rng.uniform(-0.3, 0.3, 3))}"/>'
+            f'<axis xyz="{_AXES[axes[-1]]}"/>'
+            '<limit lower="-3" upper="3" velocity="3" effort="100"/></joint>',
+        ]
+    return "\n".join((*parts, "</robot>"))
+
+
+def _link(name: str, rng: np.random.Generator) -> str:
+    """A body of positive density: the inertia of point masses around its centre."""
+    mass, points = rng.uniform(1, 5), rng.normal(0, 0.1, (6, 3))
+    points -= points.mean(axis=0)
+    second = mass * points.T @ points / len(points)
+    inertia = np.trace(second) * np.eye(3) - second
+    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    entries = " ".join(
+        f'{key}="{value:.9g}"'
+        for key, value in zip(names, inertia[np.triu_indices(3)], strict=True)
     )
-    links = [end - begin for begin, end, command in calls if "-shared" in command]
-    first = units[0].start
-    return Build(
-        robot=robot,
-        compiler=compiler_version(compiler),
-        cores=os.cpu_count() or 1,
-        generate=first,
-        compile=max(unit.start + unit.seconds for unit in units) - first,
-        link=sum(links),
-        total=total,
-        again=again,
-        bytes=size,
-        units=units,
+    return (
+        f'<link name="{name}"><inertial><origin xyz="{_numbers(rng.uniform(-0.1, 0.1, 3))}"/>'
+        f'<mass value="{mass:.9g}"/><inertia {entries}/></inertial></link>'
     )
 
 
-def _build(robot: str, out: Path, compiler: tuple[str, ...], levels: Sequence[str]) -> float:
-    """Seconds of one `symgen build`."""
-    words = [word for level in levels for word in ("--settings", f"level={level}")]
-    start = time.perf_counter()
-    command = ("-m", "symgen", "build", "--robot", robot, "--out", out, *words)
-    run = python(*command, CC=shlex.join(compiler))
-    if run.returncode != 0:
-        raise BenchError(f"the build of '{robot}' failed: {run.stderr.strip()[-2000:]}")
-    return time.perf_counter() - start
-
-
-def build_sheet(report: Build) -> Sheet:
-    """Stages and units, in seconds."""
-    lines = [("start Python, read, generate", "0.00", f"{report.generate:.2f}")]
-    for unit in report.units:
-        lines.append((f"  compile {unit.name}", f"{unit.start:.2f}", f"{unit.seconds:.2f}"))
-    lines.append(("compile, all", f"{report.generate:.2f}", f"{report.compile:.2f}"))
-    for name in ("link", "total", "again"):
-        lines.append((name, "", f"{getattr(report, name):.2f}"))
-    title = f"{report.robot}: from nothing to the compiled library"
-    caption = (
-        f"{report.compiler}, {report.cores} cores; compilations overlap. The library has "
-        f"{report.bytes / 1e6:.2f} MB. again: a second call with nothing to do."
-    )
-    return Sheet("", ("stage", "begins", "seconds"), lines, report, title, caption)
+def _numbers(values: np.ndarray) -> str:
+    return " ".join(f"{x:.6g}" for x in values)

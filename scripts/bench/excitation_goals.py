@@ -1,13 +1,14 @@
 """Designs of `scripts/bench_excitation --goals`: results, times and certificates."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from bench.compiled import processor
-from bench.front import Sheet, cpu_seconds
+from bench.front import Sheet, cpu_seconds, sheet_of
 from runtime.common.threads import cores
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.proof.certificate import certificate_of
@@ -35,7 +36,7 @@ class Goal:
     safety: Safety | None = None
     condition: float | None = None  # bound of its condition number
     seconds: float | None = None  # bound of the wall time
-    relative_error: float | None = None  # relative_error, torque_error: bounds of A, %, and V, N·m
+    relative_error: float | None = None  # relative_error, torque_error: bounds of A, %, and V, mN·m
     torque_error: float | None = None
 
 
@@ -55,26 +56,18 @@ GOALS = (
         *("default", "all limits and a table, M 8, default criterion", 20, 8, 24, "mixed", ALL),
         condition=4.0,
         relative_error=1.5,
-        torque_error=5.5e-3,
+        torque_error=5.5,
     ),
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
-    """What a design reached."""
-
-    goal: Goal
-    duration: float  # of the trajectory, s; longer than requested where the motion had to be slowed
-    condition: float
-    conditions: tuple[float, ...]  # of all starts
-    wall: float  # wall, cpu: seconds of the design, all processes together
-    cpu: float
-    processes: int
-    relative_error: float  # relative_error, torque_error: A, % and V, N·m
-    torque_error: float
-    certified: bool  # every limit holds for every instant
-    unmet: tuple[str, ...]  # bounds that it missed
+COLUMNS = {
+    **{"problem": "{label}", "t_f s": "{duration:g}", "starts": "{starts}"},
+    **{"cond": "{condition:.3f}", "median": "{median:.2f}", "A %": "{relative_error:.2f}"},
+    **{"V mN·m": "{torque_error:.2f}", "wall s": "{wall:.0f}", "CPU s": "{cpu:.0f}"},
+    **{"certified": "{certified}", "goal": "{goal}"},
+}
+KEYS = 3  # number of first columns that name a row
 
 
 def measure(lib: Library, goals: tuple[Goal, ...], seed: int, say: Callable[[str], None]) -> Sheet:
@@ -82,7 +75,7 @@ def measure(lib: Library, goals: tuple[Goal, ...], seed: int, say: Callable[[str
     rows = []
     for goal in goals:
         row = _reached(lib, goal, seed, say)
-        say(f"{goal.name}: cond {row.condition:.3f} in {row.wall:.0f} s")
+        say(f"{goal.name}: cond {row['condition']:.3f} in {row['wall']:.0f} s")
         rows.append(row)
     title = f"{lib.name}: best of the starts, {processor()}"
     caption = (
@@ -91,16 +84,16 @@ def measure(lib: Library, goals: tuple[Goal, ...], seed: int, say: Callable[[str
         f"least squares at {NOISE:g} N·m and {RATE:g} Hz. Wall time on as many processes as "
         "there are cores, their start included."
     )
-    facts = {"robot": lib.name, "processor": processor(), "rows": rows}
-    return Sheet("bench_excitation_goals", _HEAD, [*_lines(rows)], facts, title, caption)
+    return sheet_of("bench_excitation_goals", COLUMNS, rows, title=title, caption=caption)
 
 
-def _reached(lib: Library, goal: Goal, seed: int, say: Callable[[str], None]) -> Row:
+def _reached(lib: Library, goal: Goal, seed: int, say: Callable[[str], None]) -> dict[str, Any]:
+    """What a design reached; its duration is longer where the motion had to be slowed."""
+
     def report(done: int, value: float, best: float) -> None:
         say(f"{goal.name}: descent {done}, {value:.4g}, best {best:.4g}")
 
     known = information(lib, NOISE, RATE)
-    processes = cores()
     cpu, wall = cpu_seconds(), time.perf_counter()
     result = design(
         lib,
@@ -109,7 +102,7 @@ def _reached(lib: Library, goal: Goal, seed: int, say: Callable[[str], None]) ->
         starts=goal.starts,
         seed=seed,
         progress=report,
-        processes=processes,
+        processes=cores(),
         criterion=goal.criterion,
         information=None if goal.criterion == "cond" else known,
         safety=goal.safety,
@@ -118,61 +111,32 @@ def _reached(lib: Library, goal: Goal, seed: int, say: Callable[[str], None]) ->
     trajectory = pulled_inside(lib, result.trajectory)
     scores = predict(lib, trajectory, known).scores
     score = next(s for s in scores if s.samples == SAMPLES and not s.friction)
-    proof = certificate_of(lib, trajectory, goal.safety)
-    relative, torque = 100 * score.relative_error, score.torque_error
+    relative, torque = 100 * score.relative_error, 1e3 * score.torque_error
     bounds = (
-        ("cond", result.condition, goal.condition),
-        ("seconds", wall, goal.seconds),
-        ("A", relative, goal.relative_error),
-        ("V", torque, goal.torque_error),
+        ("cond", "", result.condition, goal.condition),
+        ("", " s", wall, goal.seconds),
+        ("A", " %", relative, goal.relative_error),
+        ("V", " mN·m", torque, goal.torque_error),
     )
-    return Row(
-        goal,
-        trajectory.duration,
-        result.condition,
-        result.conditions,
-        wall,
-        cpu,
-        processes,
-        relative,
-        torque,
-        proof.holds,
-        tuple(name for name, value, bound in bounds if bound is not None and value > bound),
-    )
-
-
-KEYS = 3  # number of first columns that name a row
-_HEAD = (
-    *("problem", "t_f s", "starts", "cond", "median", "A %", "V mN·m", "wall s", "CPU s"),
-    *("certified", "goal"),
-)
-
-
-def _lines(rows: list[Row]) -> Iterator[tuple[str, ...]]:
-    for row in rows:
-        goal = row.goal
-        bounds = (
-            ("cond", goal.condition, 1.0, ""),
-            ("", goal.seconds, 1.0, " s"),
-            ("A", goal.relative_error, 1.0, " %"),
-            ("V", goal.torque_error, 1e3, " mN·m"),
-        )
-        wanted = [
-            f"{name} ≤ {bound * scale:g}{unit}".strip()
-            for name, bound, scale, unit in bounds
-            if bound is not None
-        ]
-        missed = f" (missed: {', '.join(row.unmet)})" if row.unmet else ""
-        yield (
-            goal.label,
-            f"{row.duration:g}",
-            str(goal.starts),
-            f"{row.condition:.3f}",
-            f"{np.median(row.conditions):.2f}",
-            f"{row.relative_error:.2f}",
-            f"{1e3 * row.torque_error:.2f}",
-            f"{row.wall:.0f}",
-            f"{row.cpu:.0f}",
-            "yes" if row.certified else "NO",
-            f"{', '.join(wanted)}{missed}",
-        )
+    wanted = [
+        f"{name} ≤ {most:g}{unit}{' (missed)' if value > most else ''}".strip()
+        for name, unit, value, most in bounds
+        if most is not None
+    ]
+    return {
+        **{
+            "name": goal.name,
+            "label": goal.label,
+            "starts": goal.starts,
+            "goal": ", ".join(wanted),
+        },
+        **{
+            "duration": trajectory.duration,
+            "condition": result.condition,
+            "wall": wall,
+            "cpu": cpu,
+        },
+        "median": float(np.median(result.conditions)),
+        **{"relative_error": relative, "torque_error": torque},
+        "certified": "yes" if certificate_of(lib, trajectory, goal.safety).holds else "NO",
+    }

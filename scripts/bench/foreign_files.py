@@ -267,21 +267,16 @@ def _placed(plant: Any, context: Any, joint: Any, value: float) -> np.ndarray:
 
 
 def sheet(rows: list[Row]) -> Sheet:
-    """One line per repository."""
+    """One line per repository, and their sum."""
     head = ("repository", "files", "read", "compared", "largest error", "refused, read by another",
             "no robot", "differ", "crash or hang")  # fmt: skip
+    groups = {name: [row for row in rows if row.repository == name] for name in
+              sorted({row.repository for row in rows})} | {"all": rows}  # fmt: skip
     lines = []
-    for name in sorted({row.repository for row in rows}):
-        of = [row for row in rows if row.repository == name]
-        count = Counter(row.outcome for row in of)
-        errors = [row.error for row in of if row.error is not None]
+    for name, of in groups.items():
+        count, errors = Counter(r.outcome for r in of), [r.error for r in of if r.error is not None]
         largest = f"{max(errors):.1e}" if errors else ""
-        cells = (len(of), count[READ] + count["differs"], len(errors), largest)
-        cells = (*cells, count[REFUSED], count[NO_ROBOT], count["differs"])
-        lines.append((name, *map(str, cells), str(count["crash"] + count["hang"])))
-    count = Counter(row.outcome for row in rows)
-    compared = sum(row.error is not None for row in rows)
-    total = (len(rows), count[READ] + count["differs"], compared, "", count[REFUSED])
-    total = (*total, count[NO_ROBOT], count["differs"], count["crash"] + count["hang"])
-    lines.append(("all", *map(str, total)))
+        cells = (len(of), count[READ] + count["differs"], len(errors), largest, count[REFUSED])
+        cells = (*cells, count[NO_ROBOT], count["differs"], count["crash"] + count["hang"])
+        lines.append((name, *map(str, cells)))
     return Sheet("", head, lines, rows, f"errors of M and mass, {STATES} positions each")

@@ -178,7 +178,9 @@ def _compare_results(given: CompareSettings, other: Path) -> None:
     names = names if names[0] != names[1] else (str(places[0]), str(other))
     first, second = (read_result(place, with_learned=True) for place in places)
     both = compare_results(first, second, names)
-    folder = given.out or Path("results") / f"{places[0].resolve().name}-{names[1]}-compare"
+    folder = (
+        given.out or Path("results") / f"{places[0].resolve().name}-{other.resolve().name}-compare"
+    )
     page = folder / "report.html"
     require_page(page, given.overwrite)
     write_page(results_page(both, first.record.robot, names), page)

@@ -59,7 +59,7 @@ class Identification(Framed):
         beta: base parameters β = K π, (n_b,).
         phi: friction coefficients of `friction_columns`, (n, k).
         friction: friction model.
-        weights: diagonal of W in the loss, (n,).
+        weights: diagonal of W in the loss, (n,), or (1,) of energy.
         status: how the method ended, as a sentence.
         loss: L on the training samples.
         optimum: smallest loss of any physically consistent model on the same samples; NaN when

@@ -345,7 +345,7 @@ class ResultRecord(Part, frozen=True, omit_defaults=True):
     uncertainty: Of[UncertaintyPart | None, "posterior of the parameters, where computed", None]
     loss: Of[float | None, "L on the training part", None]
     convex_optimum: Of[float | None, "L*, smallest loss of a consistent model", None]
-    weights: Of[Numbers, "diagonal of W in the loss, (n,) or empty", ()]
+    weights: Of[Numbers, "diagonal of W in the loss, (e,) or empty: e = n, or 1 of energy", ()]
     friction: Of[FrictionPart | None, "friction model; null without one", None]
     convergence: Of[ConvergencePart | None, "losses over iterations; null for closed forms", None]
     iterations: Of[int | None, "of the method", None]

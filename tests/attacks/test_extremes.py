@@ -226,6 +226,17 @@ def logs(desk: Desk) -> tuple[str, ...]:
     return ("good.csv", *(f"{name}.csv" for name in others))
 
 
+@pytest.mark.parametrize("regressor", ["momentum", "energy"])
+def test_results_of_other_equations_are_read_again(
+    regressor: str, desk: Desk, command: Command
+) -> None:
+    """Property: the power of all joints is one equation per sample, with one weight."""
+    ran = command(*desk.identify("good.csv", "--settings", f"regressor={regressor}"))
+    assert ran.code == 0, ran.err
+    read = command("evaluate", "out", "good.csv", "--robot", desk.lib.folder)
+    assert read.code == 0, read.err
+
+
 @settings(max_examples=16, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_what_identify_writes_evaluate_reads(

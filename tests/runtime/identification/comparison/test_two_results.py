@@ -1,5 +1,6 @@
 """Two results side by side: planted differences are named, equal robots are not, with 95 %."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -89,6 +90,10 @@ def test_command(tmp_path: Path, command: Command) -> None:
     assert "base parameters: 40 of 40 differ" in ran.out
     page = tmp_path / "results" / "a-b-compare" / "report.html"
     assert 'class="flagged"' in page.read_text()
+    shutil.copytree(tmp_path / "b", tmp_path / "again" / "a")
+    ran = command("compare", "a", tmp_path / "again" / "a")
+    assert ran.code == 0, ran.err
+    assert (tmp_path / "results" / "a-a-compare" / "report.html").is_file()
     for words, said in (
         (("a", "c"), "have other joints"),
         (("a", "b", "--cutoff", "10"), "--cutoff would change a fit"),

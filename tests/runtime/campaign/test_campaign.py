@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from runtime.campaign.driver import Reference, Sample, Stop, Streamed
 from runtime.campaign.drivers.virtual import PlantedFault, VirtualDriver
 from runtime.campaign.gate import EMPTY_CELL, rehearsed, released
 from runtime.campaign.gear_friction import ArmModel
-from runtime.campaign.target import base_covariance, target_of
+from runtime.campaign.target import base_covariance, reached, target_of
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.obstacles import Obstacle
@@ -201,6 +202,32 @@ def test_targets(text: str, value: float) -> None:
     target = target_of(text)
     assert target.value == pytest.approx(value, rel=1e-12)
     assert target.shown(value).replace(" ", "") == text.partition("=")[2]
+
+
+def test_a_payload_is_weighed_on_the_arm_as_it_is_known(fr3: Library) -> None:
+    """Oracle: σ of the mass by one least squares over arm, payload and offsets together.
+
+    Rows are the mean of 401, 400 times; the covariance of the arm is that of the result.
+    """
+    rng, n = np.random.default_rng(0), fr3.n_joints
+    root = 0.05 * np.diag(np.abs(fr3.pi0) + 0.01) @ rng.normal(size=(fr3.pi0.size, 60))
+    noise = rng.uniform(0.05, 0.2, n)
+    known = SimpleNamespace(root=root, noise=noise / 2, inflation=4.0)
+    result = SimpleNamespace(lib=fr3, uncertainty=known, train=SimpleNamespace(rate_hz=50.0))
+    motion = replace(read_trajectory(MOTION, fr3), duration=8.0)
+    q, dq, ddq, _ = motion.at(fr3, np.linspace(0.0, 8.0, 401))
+    arm = fr3.base_regressor(q, dq, ddq)
+    offsets = np.broadcast_to(np.eye(n), (401, n, n))
+    every = np.concatenate([arm, arm @ fr3.base_matrix[:, -10:], offsets], axis=2)
+    every = (every / noise[:, None]).reshape(401 * n, -1)
+    information = 400 / 401 * every.T @ every
+    count = arm.shape[2]
+    information[:count, :count] += np.linalg.inv(
+        fr3.base_matrix @ root @ root.T @ fr3.base_matrix.T
+    )
+    sigma = np.sqrt(np.linalg.inv(information)[count, count])
+    found = reached(target_of("payload=5g"), result, motion)  # type: ignore[arg-type]
+    assert found == pytest.approx(sigma, rel=1e-6)
 
 
 def test_bad_input(command: Command, fr3: Library, tmp_path: Path) -> None:

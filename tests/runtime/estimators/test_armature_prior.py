@@ -24,6 +24,13 @@ def test_values_of_a_file_and_of_a_model(lib: Library, tmp_path: Path) -> None:
     assert armature[0].tolist() == [0.1, 0.01]
     assert armature[1].tolist() == [0.2, 0.1]
     assert np.isinf(armature[2:, 1]).all()
+    stated = ("", '<dynamics damping="2"/>', '<dynamics armature="0.3"/>')
+    joints = "".join(f'<joint name="fr3_joint{k}">{x}</joint>' for k, x in enumerate(stated, 3))
+    (tmp_path / "arm.xml").write_text(f"<robot>{joints}</robot>")
+    armature = read_prior(path, lib).armature
+    assert armature is not None
+    assert armature[4].tolist() == [0.3, 0.15]
+    assert np.isinf(armature[[1, 2, 3, 5, 6], 1]).all()
 
 
 def test_the_prior_pulls_a_rotor_to_its_mean(

@@ -122,6 +122,17 @@ def test_bodies_friction_and_delay_without_forces(
     assert len(result.after) == 9
 
 
+@pytest.mark.parametrize(("cutoff", "ends"), [(None, 0.1), (5.0, 0.2)])
+def test_ends_without_a_whole_delay_or_period_are_left_out(
+    hopper: Library, arrays: Arrays, cutoff: float | None, ends: float
+) -> None:
+    """Oracle: the largest delay, 0.1 s, or a period of the low-pass at 5 Hz."""
+    log = free_base_of(arrays, "log")
+    result = identify_free_base(log, hopper, "all", cutoff_hz=cutoff, delay_s=DELAY_S)
+    # Rows of a low-pass are five a period.
+    assert 0 <= arrays["t"][-1] - ends - result.predictions["t"][-1] < 0.05
+
+
 def test_the_imu_gives_the_equations_of_the_whole_motion(
     hopper: Library, log: VirtualLog, arrays: Arrays
 ) -> None:

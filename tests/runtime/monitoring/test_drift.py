@@ -20,6 +20,7 @@ from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import read_result
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
+from runtime.monitoring import drift
 from runtime.monitoring.drift import (
     Change,
     Hypothesis,
@@ -31,7 +32,15 @@ from runtime.monitoring.drift import (
 )
 from runtime.monitoring.model import model_of
 from runtime.monitoring.noise import read_held_out, read_test_rows
-from runtime.monitoring.scores import Changes, Scores, Usual, _at_rest, expected, scores_of
+from runtime.monitoring.scores import (
+    Changes,
+    Scores,
+    Usual,
+    _at_rest,
+    changes_of,
+    expected,
+    scores_of,
+)
 from runtime.recording import Friction, Preparation
 from runtime.recording.preprocessing import prepare
 from runtime.simulation import Plant, ideal
@@ -277,6 +286,52 @@ def test_the_usual_change_between_days_is_learnt(
     assert known["p_value"] == 1.0
     assert clean["references"] == 3
     assert "hidden are changes below" in clean["hidden"]
+
+
+def test_a_body_of_plausible_size_has_a_quarter_of_the_mass(
+    lib: Library, arm: Path, pi_true: np.ndarray
+) -> None:
+    """Oracle: base parameters of a mass m, at 0.2 m and with the inertia m (0.2 m)², in turn."""
+    saved = read_result(arm)
+    changes = changes_of(lib, model_of(saved, lib), np.ones((2, lib.n_joints)))
+    (tool,) = (each for each in hypotheses(lib, changes, pi_true) if each.group == "payload")
+    mass = 0.25 * pi_true[::10].sum()
+    pi = np.zeros((lib.pi0.size, 10))
+    pi[-10:] = np.diag(mass * np.array([1.0, *[0.2] * 3, *[0.04] * 6]))
+    moved = np.vstack([np.zeros((len(changes.names), 10)), lib.base_matrix @ pi])
+    np.testing.assert_allclose(tool.moved, moved, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(tool.size, mass * np.eye(1, 10)[0])
+
+
+def test_three_sensors_are_not_a_wrong_model(
+    lib: Library,
+    arm: Path,
+    trajectories: tuple[Trajectory, ...],
+    pi_true: np.ndarray,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Property: where no part explains half, all bodies together do only if they explain more.
+
+    Scores of all changes are apart here, and those of the base parameters are noise.
+    """
+    saved = read_result(arm)
+    root = 1e-6 * np.eye(len(lib.base_matrix) + saved.phi.size)
+    baseline = baseline_of(lib, saved, root, np.full(lib.n_joints, NOISE))
+    log = prepare(later_log(lib, trajectories[1], pi_true, ""), Preparation(), saved.friction)
+    names, width = baseline.changes.names, len(baseline.changes.names) + len(lib.base_matrix)
+    z = np.zeros(width)
+    for size, name in ((30.0, "fr3_joint1"), (29.0, "fr3_joint3"), (28.0, "fr3_joint6")):
+        z[names.index(("sensor gain", name))] = size
+    zero = np.zeros((width, 0))
+    monkeypatch.setattr(
+        drift,
+        "scores_of",
+        lambda *_: Scores(z, 1e3 * np.eye(width), zero, zero, np.eye(width), 1.0, 99, 1e3),
+    )
+    monkeypatch.setattr(drift, "expected", lambda *_: (np.zeros(width), np.eye(width)))
+    verdict = verdict_of(lib, baseline, log)
+    assert (verdict.best.group, verdict.best.where) == ("sensor gain", "fr3_joint1")
+    assert [each.where for each in verdict.beside[:2]] == ["fr3_joint3", "fr3_joint6"]
 
 
 def test_the_interval_holds_the_size_in_95_of_100() -> None:

@@ -10,6 +10,7 @@ from runtime.estimators.regression.nuisance import (
     SHAPES,
     SLOW,
     common_size,
+    likely_sizes,
     nuisance_columns,
     nuisance_of,
     size_posterior,
@@ -205,3 +206,16 @@ def test_the_posterior_of_sizes_is_that_of_their_scores() -> None:
     covariance = np.linalg.inv(gram / 0.2 + np.diag(sizes**-2.0))
     np.testing.assert_allclose(root @ root.T, covariance, rtol=1e-9, atol=1e-15)
     np.testing.assert_allclose(mean, covariance @ z / 0.2, rtol=1e-9)
+
+
+def test_shapes_of_a_kind_have_one_size() -> None:
+    """Oracle: orthogonal shapes of posture of 0.1, of friction of 3, seen with noise of 0.03.
+
+    Of shapes apart the largest likelihood has the mean square; candidates of λ² are 10^⅓ apart.
+    """
+    true = np.repeat([0.1, 3.0], [5, 3])
+    sizes = likely_sizes(np.eye(SHAPES), true, 1e-3, float(SHAPES))
+    np.testing.assert_allclose(sizes, true, rtol=10 ** (1 / 6) - 1)
+    assert len(set(sizes.tolist())) == 2
+    sizes = likely_sizes(np.eye(SHAPES), np.where(true < 1, true, 0.0), 1e-3, float(SHAPES))
+    assert (sizes > 0).tolist() == [True] * 5 + [False] * 3

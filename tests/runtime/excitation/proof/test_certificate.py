@@ -9,7 +9,7 @@ from runtime import load
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.safety import CARRIED, UNCHECKED
-from runtime.excitation.motion.trajectory import COSINE, fourier_basis
+from runtime.excitation.motion.trajectory import COSINE, JoinedMotion, fourier_basis
 from runtime.excitation.proof.certificate import KINDS, certificate_of, joint_bounds
 from runtime.excitation.proof.certified_motion import certified, fastest, pulled_inside, slowed
 from runtime.library import Library
@@ -173,6 +173,20 @@ def test_slowing_keeps_the_path(lib: Library, trajectories: tuple[Trajectory, ..
     for wrong in (0.0, 1.1, -1.0, np.nan):
         with pytest.raises(IdentificationError, match="a replay needs a speed above 0"):
             slowed(motion, wrong)
+
+
+def test_motions_in_a_row_use_what_the_largest_of_them_uses(lib: Library) -> None:
+    """Oracle: a motion alone is a row; one of twice the size behind it has the uses, later."""
+    small = random_motion(lib, 4, 2)
+    large = Trajectory(lib.home, 2 * small.coefficients, small.duration)
+    alone = certified(lib, JoinedMotion((small,), ("small",))).certificate
+    assert alone == certificate_of(lib, small)
+    row = certified(lib, JoinedMotion((small, large), ("small", "large"))).certificate
+    expected = certificate_of(lib, large)
+    for use, one in zip(row.uses, expected.uses, strict=True):
+        assert (use.kind, use.where, use.bound) == (one.kind, one.where, one.bound)
+        assert use.time == pytest.approx(small.duration + one.time, rel=1e-12)
+        assert use.intervals == 2 * one.intervals
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from runtime.errors import IdentificationError
+from runtime.estimators.regression.recorded_delay import _Fit
 from runtime.estimators.regression.samples import Samples
 from runtime.identification.drive import estimate as passes
 from runtime.identification.drive.estimate import identify_drive
@@ -280,7 +281,35 @@ def test_thinned_rows_end_within_a_deviation(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(passes, "linearised_at", linearised_at)
     x, sigma = passes.newton_passes(Toy(), np.array([0.6]))  # type: ignore[arg-type]
     assert [rate for rate, _ in seen] == [100.0] * 2 + [None] * 4
+    for rate in (190.0, 189.0):  # rows are left out where the log is nearly twice as fast
+        slow = passes._thinned(SimpleNamespace(rate_hz=rate), usual)  # type: ignore[arg-type]
+        assert (slow is usual) == (rate < 190)
     assert [size <= 1.0 for _, size in seen][:2] == [False, True]
     assert len(seen) == passes.PASSES
     assert sigma[0] == 0.01
     assert x[0] == pytest.approx(1.0, abs=0.005)
+
+
+def test_the_joint_with_the_least_noise_determines_the_delay() -> None:
+    """Oracle: σ² = s² / Σ ẇ² of a torque w that is known up to its size, s the noise of that joint.
+
+    The size is that of both joints; by the noise of the other one, of 0.5, its torque alone would
+    be wrong by six times s.
+    """
+    t, late, least, rng = np.arange(2000) / 100.0, 0.013, 1e-3, np.random.default_rng(5)
+    omega = 2 * np.pi * np.array([0.5, 0.8, 1.1])
+    noise = np.array([least, 0.5]) * rng.normal(size=(len(t), 2))
+
+    def torque(delay: float) -> np.ndarray:
+        return np.sin(np.outer(t + delay, omega)).sum(axis=1)[:, None] + noise
+
+    rows = np.sin(np.outer(t + late, omega)).sum(axis=1)[:, None, None] * np.ones((1, 2, 1))
+    rate = (omega * np.cos(np.outer(t + late, omega))).sum(axis=1)
+    expected = least / np.linalg.norm(rate)
+    samples = Samples(
+        rows[..., 0], rate[:, None] * np.ones(2), None, 0 * noise, np.zeros((2000, 2, 0))
+    )
+    fit = _Fit(samples, rows, torque, 0.0, np.full(2, 2000.0), True)
+    profile = fit.profile(late + expected * np.linspace(-8, 8, 81))
+    assert abs(profile.best - late) < 4 * expected
+    assert profile.sigma == pytest.approx(expected, rel=0.3)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from runtime.estimators.convex.entropic_prior import CAD
-from runtime.estimators.regression.samples import samples_of
+from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification.drive import estimate, feedback
 from runtime.identification.drive.estimate import identify_drive
 from runtime.identification.drive.feedback import FEEDBACK, linearised, response
@@ -16,6 +16,7 @@ from runtime.identification.settings import Settings
 from runtime.library import Array, Library, load
 from runtime.recording import Friction, Preparation, Recording, read_recording
 from runtime.recording.recipes.recipe import ControlLaw
+from runtime.recording.settings import JointMotion
 
 STEP, LOGGED, SECONDS = 1e-3, 5, 20.0
 KP, KD, EPSILON = 20.0, 1.0, 0.02
@@ -41,6 +42,12 @@ def test_response_is_that_of_the_transfer_function() -> None:
         expected = np.real((1j * omega) ** k * gain * np.exp(1j * omega * t)[:, None])
         error = (each - expected)[-400:-2] / (np.abs(gain) * omega**k)
         assert np.abs(error).max() < 5e-3
+
+
+def test_one_instant_does_not_respond() -> None:
+    """Property: a stretch of one row has no time in which noise could move a joint."""
+    one, gains = np.ones((1, 2)), (np.ones(2), np.ones(2))
+    assert not response(np.zeros(1), one, one, one, gains, np.zeros(2)).any()
 
 
 @pytest.fixture(scope="module")
@@ -135,6 +142,8 @@ def test_stretches_of_a_long_log_hold_its_information(
     )
     request = DriveRequest(delay=True)
     result = identify_drive(recording, pendulum, settings, request)
+    # The method has no stopping rule: training goes on to 58 % of the log.
+    assert result.train.t[-1] == pytest.approx(0.58 * recording.t[-1], abs=0.5)
     sigmas = []
     for most in (feedback.MOST_ROWS, len(result.train) // 4):
         monkeypatch.setattr(feedback, "MOST_ROWS", most)
@@ -177,3 +186,26 @@ def test_the_loop_has_the_slope_of_friction(pendulum: Library) -> None:
     _, slope = feedback._loop(samples_of(at, pendulum), pendulum, pendulum.pi0, phi, terms)
     expected = 0.7 + 0.4 / EPSILON / np.cosh(dq / EPSILON) ** 2
     np.testing.assert_allclose(slope, expected, rtol=1e-4)
+
+
+def test_samples_of_another_motion(pendulum: Library) -> None:
+    """Oracle: the samples of a log of that motion; a column that was left out stays so."""
+    terms = Friction(("viscous", "coulomb", "rotor"), EPSILON)
+    q, dq, ddq, tau, *moves = np.random.default_rng(0).normal(size=(7, 9, 1))
+    there = feedback.columns(
+        JointMotion(dq + moves[1], q + moves[0], ddq + moves[2], pendulum), terms
+    )
+    here = feedback.columns(JointMotion(dq, q, ddq, pendulum), terms)
+    here[..., 1] = there[..., 1] = 0.0
+    samples = Samples(q, dq, ddq, tau, here)
+    found = feedback._moved(samples, np.stack(moves), pendulum, terms)
+    np.testing.assert_array_equal(found.q, q + moves[0])
+    np.testing.assert_array_equal(found.dq, dq + moves[1])
+    np.testing.assert_array_equal(found.ddq, ddq + moves[2])
+    np.testing.assert_allclose(found.columns, there, atol=1e-12)
+    assert np.abs(found.columns - here).max() > 0.1
+
+
+def test_rough_rows_are_evenly_spread() -> None:
+    """Oracle: every third of 2000 rows, from the first on."""
+    assert feedback._taken(2000, True).tolist() == list(range(0, 2000, 3))

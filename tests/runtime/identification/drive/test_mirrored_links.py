@@ -44,14 +44,14 @@ class TwoLimbs:
         return poses
 
 
-def limbs(rng: np.random.Generator, sign: float = 1.0) -> TwoLimbs:
-    """Limbs that mirror each other about the plane xz; the right joint may turn the other way."""
+def limbs(rng: np.random.Generator, sign: float = 1.0, mirror: Array = MIRROR) -> TwoLimbs:
+    """Limbs that mirror each other about a plane; the right joint may turn the other way."""
     axis, place = rng.normal(size=(2, 3))
     axis = axis / np.linalg.norm(axis)
     frames = tuple(np.linalg.qr(rng.normal(size=(3, 3)))[0] for _ in range(2))
     frames = tuple(f * np.sign(np.linalg.det(f)) for f in frames)
     # A rotation about a becomes the opposite one about M a.
-    return TwoLimbs((axis, -sign * MIRROR @ axis), (place, MIRROR @ place), cast(Any, frames))
+    return TwoLimbs((axis, -sign * mirror @ axis), (place, mirror @ place), cast(Any, frames))
 
 
 def parameters(masses: Array, points: Array) -> Array:
@@ -64,15 +64,17 @@ def parameters(masses: Array, points: Array) -> Array:
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_equations_hold_for_mirrored_masses(sign: float) -> None:
+@pytest.mark.parametrize("across", range(3))
+def test_equations_hold_for_mirrored_masses(sign: float, across: int) -> None:
     """Oracle: point masses, and their mirror images in the frame of the right link.
 
     Rounding: ten products of numbers of size 10.
     """
     rng = np.random.default_rng(0)
-    robot = limbs(rng, sign)
+    mirror = np.diag(np.where(np.arange(3) == across, -1.0, 1.0))
+    robot = limbs(rng, sign, mirror)
     masses, points = rng.uniform(0.1, 1.0, size=5), rng.normal(size=(5, 3))
-    images = points @ robot.frames[0].T @ MIRROR @ robot.frames[1]
+    images = points @ robot.frames[0].T @ mirror @ robot.frames[1]
     pi = np.concatenate([parameters(masses, points), parameters(masses, images)])
     rows = mirrored_links(cast(Library, robot), ("left:right",))
     assert len(rows) == 10

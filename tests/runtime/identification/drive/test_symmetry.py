@@ -9,6 +9,7 @@ import pytest
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.samples import samples_of
+from runtime.identification.drive import symmetry
 from runtime.identification.drive.estimate import identify_drive
 from runtime.identification.drive.result import DriveRequest
 from runtime.identification.drive.symmetry import RISES, mirrored_joints, with_sides
@@ -39,7 +40,9 @@ def test_names_that_differ_in_one_part() -> None:
             mirrored_joints(names, (text,))
 
 
-def test_equal_drives_agree_and_a_worn_one_is_named(lib: Library, command, tmp_path: Path) -> None:
+def test_equal_drives_agree_and_a_worn_one_is_named(
+    lib: Library, command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Property: joints with equal drives agree; the one with three times the friction does not, and
     the held-out error with the drive of the other side says that the robot is the reason.
 
@@ -75,6 +78,10 @@ def test_equal_drives_agree_and_a_worn_one_is_named(lib: Library, command, tmp_p
     rise = np.linalg.norm(errors[0]) / np.linalg.norm(errors[1])
     assert worn.exchanged_error_ratio == pytest.approx(rise, rel=1e-9)
     assert "the two drives differ" in worn.sentence
+    for rise, said in ((1.04, "error is hardly larger"), (1.06, "1.06 times as large: the two")):
+        monkeypatch.setattr(symmetry, "_rise", lambda *_, rise=rise: rise)
+        others = with_sides(result, PAIRS[1:]).symmetric
+        assert said in next(each.sentence for each in others if each.quantity == "friction")
     words = (
         "identify",
         str(log),

@@ -35,7 +35,7 @@ from runtime.identification.progress import SILENT, Progress
 from runtime.identification.settings import Settings, terms_of
 from runtime.identification.single_log import identify_assembled, identify_recording
 from runtime.library import Array, Library
-from runtime.recording import Friction, Preparation, Recording, Split
+from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.commanded_torque import without_ends
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction.coupled_motors import geared
@@ -49,9 +49,6 @@ MOST_STEP = (0.02, 0.05)
 """Largest step of one pass: of a delay [s], of a bias [rad, m]."""
 THINNED = 10.0
 """Rate of the rows over the cut-off at which the first passes are made."""
-SPLIT = Split((0.0, 0.58), (0.58, 0.6), (0.6, 1.0))
-"""Split where none is stated: the method has no stopping rule, so that it trains on the first 60 %
-but for the least validation part."""
 NO_BIAS = (
     "encoder biases were not estimated, which need accelerations; use --settings "
     "regressor=acceleration"
@@ -178,11 +175,8 @@ def identify_drive(
     """Identify a robot together with the delay of its torque and its encoder biases."""
     _require(settings, recording)
     recording = independent_joints(recording, lib)
-    recipe = recording.recipe
     # Delay, biases and intervals belong to the rows of the training: no second fit to all rows.
     settings = replace(settings, refit=False)
-    if settings.split is None and (recipe is None or recipe.split is None):
-        settings = replace(settings, split=SPLIT)
     preparation = without_ends(recording, settings.preparation or recording.preparation)
     settings = replace(settings, preparation=preparation)
     notes: tuple[str, ...] = ()

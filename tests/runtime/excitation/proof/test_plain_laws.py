@@ -1,6 +1,7 @@
 """nonlinear_bounds on laws whose largest value is known in closed form."""
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
@@ -9,7 +10,12 @@ import pytest
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.nonlinear_limits import IntervalBounds, SampledMotion
 from runtime.excitation.proof import nonlinear_bounds
-from runtime.excitation.proof.nonlinear_bounds import MotionGrid, constraint_bounds
+from runtime.excitation.proof.nonlinear_bounds import (
+    MotionGrid,
+    Peaks,
+    _see_braking,
+    constraint_bounds,
+)
 from runtime.library import Library
 from tests.runtime.excitation.proof.spiked import Spiked
 
@@ -104,3 +110,30 @@ def test_a_measured_bend_is_counted_with_its_safety(
     assert not bound.is_proven
     assert bound.bound >= 1.0
     assert bound.bound < 1.0 + 2 * (2 * np.pi / 24) ** 2 / 8
+
+
+def test_a_long_interval_is_above_the_short_ones_inside() -> None:
+    """Adversary: the acceleration rises to 10 in the middle of the last of three long intervals.
+
+    There h'' ≤ 2 a² + a = 210 lets the value rise to 210 · 20²/8 above its ends, and a short
+    interval beside the middle, with a ≤ 10.5 and h'' ≤ 231, by 231/8 more. The largest sample, at
+    the first row, is between that and what 210 alone allows.
+    """
+    row = np.arange(61)
+    motion = np.zeros((5, 61, 1))
+    motion[2, 40:, 0] = 10 - np.abs(row[40:] - 50)
+    value = np.where(row == 50, 210 * 20**2 / 8, 0.0)
+    value[0] = 210 * (1 + 20**2) / 8 + 0.25
+    sup = np.zeros((6, 1))
+    sup[3] = 1.0
+    grid = SimpleNamespace(step=1.0, count=60, sup=sup, at=lambda rows: motion[:, rows])
+    motion[0, :, 0] = value
+    law = SimpleNamespace(
+        labels=("",),
+        sides=(SimpleNamespace(sign=1.0, c=0.0, k=1.0),),
+        values=lambda motion: motion[0],
+        room=lambda _: 1.0,
+    )
+    peaks = Peaks(law, is_proven=True)
+    _see_braking(peaks, law, grid, 60, forwards=True)
+    assert peaks.bounds()[0].bound == pytest.approx(210 * 20**2 / 8 + 231 / 8, rel=1e-12)

@@ -142,8 +142,6 @@ def test_stretches_of_a_long_log_hold_its_information(
     )
     request = DriveRequest(delay=True)
     result = identify_drive(recording, pendulum, settings, request)
-    # The method has no stopping rule: training goes on to 58 % of the log.
-    assert result.train.t[-1] == pytest.approx(0.58 * recording.t[-1], abs=0.5)
     sigmas = []
     for most in (feedback.MOST_ROWS, len(result.train) // 4):
         monkeypatch.setattr(feedback, "MOST_ROWS", most)

@@ -25,7 +25,7 @@ from runtime.campaign.gate import EMPTY_CELL, rehearse, released, unnoticed
 from runtime.campaign.gear_friction import ArmModel, agreement_of, arm_model, smoothed
 from runtime.campaign.guards import model_error, usual_guards
 from runtime.campaign.target import Target, known_before, reached, torque_noise
-from runtime.common.files import DRAFT, json_of, replacing
+from runtime.common.files import DRAFT, json_of, replacing, write_json
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.safety import Safety
@@ -137,7 +137,7 @@ def run_campaign(
             if not path.exists():
                 last = folder / f"{logs[-1][0]}.npz" if logs else None
                 release = released(lib, slowed, last, agreement, safety)
-                write_json(folder / f"gate-{k}-{speed:g}.json", release.to_facts())
+                write_json(folder / f"gate-{k}-{speed:g}.json", release.to_facts(), allow_nan=True)
                 if not release.is_released:
                     raise IdentificationError(
                         f"motion {k} at {speed:g} % of its speed is refused: "
@@ -159,7 +159,7 @@ def run_campaign(
         sigma = reached(target, model.result, motion)
         facts = {"sigma": sigma, "seconds": seconds, "friction_columns": model.gear.facts()}
         state["motions"] = [*state["motions"][: k - 1], facts]
-        write_json(folder / STATE, state)
+        write_json(folder / STATE, state, allow_nan=True)
         say(f"motion {k}: σ is {target.shown(sigma)}, the target {target.shown(target.value)}")
     outcome = _outcome(sigma, k, seconds, target)
     with replacing(folder / REPORT) as file:
@@ -286,7 +286,7 @@ def opened_state(folder: Path, described: dict[str, Any]) -> dict[str, Any]:
             )
         _remove_drafts(folder)
         state: dict[str, Any] = described | {"motions": []}
-        write_json(path, state)
+        write_json(path, state, allow_nan=True)
         return state
     known = json_of(path)
     if not isinstance(known, dict) or any(known.get(key) != described[key] for key in described):
@@ -302,12 +302,6 @@ def _remove_drafts(folder: Path) -> None:
     """Remove unfinished files of a process that was killed."""
     for draft in folder.rglob(f"{DRAFT}*"):
         draft.unlink(missing_ok=True)
-
-
-def write_json(path: Path, facts: dict[str, Any]) -> None:
-    """Write a file of a campaign, completely or not at all."""
-    with replacing(path) as file:
-        file.write(f"{json.dumps(facts, indent=1, ensure_ascii=False)}\n".encode())
 
 
 def move_to(

@@ -1,6 +1,5 @@
 """`symgen campaign`."""
 
-import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from runtime.campaign.drivers import DRIVERS, DriverSettings
 from runtime.campaign.target import target_of
 from runtime.cli.common import Seed, numbers_option, open_robot, sentences_of
 from runtime.cli.motion_limits import PlaceChoices
+from runtime.common.files import json_text
 from runtime.common.settings import method_field, model_field, output_field
 from runtime.common.terminal import completing, say
 from runtime.errors import IdentificationError
@@ -108,7 +108,7 @@ def campaign_command(given: CampaignSettings) -> None:
         given.write(given.out)
     if given.as_json:
         facts = asdict(outcome) | {"target": wanted.text, "folder": str(given.out)}
-        print(json.dumps(facts, indent=1, ensure_ascii=False))
+        print(json_text(facts, allow_nan=True), end="")
     else:
         say(outcome.sentence)
     if not outcome.is_reached:

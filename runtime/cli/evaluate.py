@@ -1,12 +1,12 @@
 """`symgen evaluate`."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 from runtime.cli.common import open_robot
 from runtime.cli.free_base import print_errors
 from runtime.cli.log_options import LaterLogChoices
+from runtime.common.files import json_text
 from runtime.common.settings import output_field
 from runtime.common.terminal import say, show
 from runtime.identification.evaluation import evaluate
@@ -62,7 +62,7 @@ def evaluate_command(given: EvaluateSettings) -> None:
         rate=given.rate,
     )
     if given.as_json:
-        print(json.dumps(done.to_facts(), indent=1))
+        print(json_text(done.to_facts(), allow_nan=True), end="")
         return
     errors = done.torque_error_percent, done.torque_rms
     part = "test" if done.is_test else "fitted"
@@ -94,7 +94,7 @@ def _walking(
             "rms": columns,
             "notes": list(notes),
         }
-        print(json.dumps(facts, indent=1))
+        print(json_text(facts, allow_nan=True), end="")
         return
     print_errors(f"{lib.name}: errors on {Path(log).name}", errors.names, *columns.values())
     for note in notes:

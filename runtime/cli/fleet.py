@@ -1,6 +1,5 @@
 """`symgen fleet`."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,7 +8,7 @@ import numpy as np
 
 from runtime.cli.common import Overwrite, counting, open_robot
 from runtime.cli.log_options import OfResult
-from runtime.common.files import replacing, require_unused
+from runtime.common.files import json_text, replacing, require_unused
 from runtime.common.settings import argument_field, method_field, output_field, settings_place
 from runtime.common.tables import Table, significant
 from runtime.common.terminal import say, show
@@ -89,7 +88,7 @@ def fleet_command(given: FleetSettings) -> None:
         np.savez(file, **_arrays(names, fit, friction))
     remove_parts(parts)
     if given.as_json:
-        print(json.dumps(_facts(lib, units, fit, friction, given.out), indent=1, allow_nan=False))
+        print(json_text(_facts(lib, units, fit, friction, given.out)), end="")
         return
     _show(lib, units, fit)
     say(f"prior: {given.out}; use it with: identify LOG --prior {given.out}")

@@ -1,6 +1,5 @@
 """`symgen inspect LOG`: findings about a log, and a recipe that reads it."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ import typer
 
 from runtime.cli.common import Overwrite, RobotChoices, open_robot, write_recipe
 from runtime.cli.log_options import Log, Run
-from runtime.common.files import require_unused
+from runtime.common.files import json_text, require_unused
 from runtime.common.settings import data_field, output_field
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, console, say, show
@@ -98,7 +97,7 @@ def inspect_command(given: InspectSettings) -> None:
     if given.plot is not None:
         draw_log(inspection.recording, given.plot, inspection.rest)
     if given.as_json:
-        print(json.dumps(_facts(inspection), indent=1, ensure_ascii=False, allow_nan=False))
+        print(json_text(_facts(inspection)), end="")
     else:
         _show(inspection)
         for what, path in (("recipe", given.recipe_out), ("plot", given.plot)):

@@ -1,6 +1,5 @@
 """`symgen observe`."""
 
-import json
 from collections import Counter
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ from runtime.cli.common import (
     require_result_folder,
 )
 from runtime.cli.log_options import Log, OfResult, Recipe, Run
-from runtime.common.files import replacing
+from runtime.common.files import json_text, replacing, write_json
 from runtime.common.settings import FILE, data_field, method_field, model_field, output_field
 from runtime.common.tables import Table, significant
 from runtime.common.terminal import command_line, say, show
@@ -176,7 +175,7 @@ def observe_command(given: ObserveSettings) -> None:
         with replacing(folder / torque_mcap.FILES[0]) as file:
             file.write(bag)
     if given.as_json:
-        print(json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False))
+        print(json_text(facts), end="")
     else:
         _show(facts, folder)
 
@@ -287,9 +286,7 @@ def _write(
 ) -> None:
     with replacing(folder / "external_torque.npz") as file:
         np.savez_compressed(file, t=seen.t, r=seen.r, sigma=seen.sigma, threshold=seen.threshold)
-    text = json.dumps(facts | {"command": command_line()}, indent=1, ensure_ascii=False)
-    with replacing(folder / "contacts.json") as file:
-        file.write(f"{text}\n".encode())
+    write_json(folder / "contacts.json", facts | {"command": command_line()}, allow_nan=True)
     draw_external_torque(seen, lib.joint_names, saved.record.units, folder / "external_torque.png")
 
 

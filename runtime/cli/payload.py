@@ -1,11 +1,11 @@
 """`symgen payload`."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 from runtime.cli.common import ResultFolder, keep_earlier, open_robot, require_result_folder
 from runtime.cli.log_options import BodyChoices
+from runtime.common.files import json_text
 from runtime.common.settings import FILE, argument_field, data_field, model_field, output_field
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, say, show
@@ -95,7 +95,7 @@ def payload_command(given: PayloadSettings) -> None:
     paths = write_payload(payload, lib, folder, command_line())
     given.write(folder)
     if given.as_json:
-        print(json.dumps(load_facts(payload, lib), indent=1, ensure_ascii=False))
+        print(json_text(load_facts(payload, lib)), end="")
         return
     show(_table(payload))
     say(f"status: {payload.status}")

@@ -1,6 +1,5 @@
 """`symgen predict`."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,7 +18,7 @@ from runtime.cli.planned_log import (
     situation_of,
 )
 from runtime.cli.shown_progress import ShownProgress
-from runtime.common.files import require_unused
+from runtime.common.files import json_text, require_unused
 from runtime.common.settings import (
     argument_field,
     data_field,
@@ -152,7 +151,7 @@ def predict_command(given: PredictSettings) -> None:
         _draw(situation, given, given.plot)
     if given.as_json:
         figures = _facts(situation, now, gains, steps)
-        print(json.dumps(figures, indent=1, ensure_ascii=False, allow_nan=False))
+        print(json_text(figures), end="")
         return
     _show(situation, now, gains, steps)
     if given.plot is not None:

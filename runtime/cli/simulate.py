@@ -1,7 +1,6 @@
 """`symgen simulate`."""
 
 import hashlib
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
@@ -13,7 +12,7 @@ from numpy.typing import ArrayLike
 from rich.progress import Progress
 
 from runtime.cli.common import Overwrite, RobotChoices, Seed, open_robot
-from runtime.common.files import replacing, require_unused
+from runtime.common.files import require_unused, write_json
 from runtime.common.settings import (
     data_field,
     method_field,
@@ -256,8 +255,7 @@ def _write(lib: Library, motion: Trajectory, made: Made, path: Path, keep_every:
         write_controller(controller, reference.name, *loop)
         facts["motion_sha256"] = hashlib.sha256(reference.read_bytes()).hexdigest()
     facts["log_sha256"] = hashlib.sha256(path.read_bytes()).hexdigest()
-    with replacing(truth) as file:
-        file.write((json.dumps(facts, indent=1) + "\n").encode())
+    write_json(truth, facts)
     say(f"recording: {path} ({len(recording)} samples at {recording.rate_hz:g} Hz)")
     say(f"truth:     {truth}")
     if loop is not None:

@@ -2,7 +2,6 @@
 
 import dataclasses
 import hashlib
-import json
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -13,7 +12,7 @@ import typer
 
 from runtime.cli.common import open_robot
 from runtime.cli.log_options import Recipe, ResultChoices, bundled_logs
-from runtime.common.files import bytes_of
+from runtime.common.files import bytes_of, json_text
 from runtime.common.settings import argument_field, data_field, output_field
 from runtime.common.tables import Table
 from runtime.common.terminal import say, show
@@ -126,7 +125,7 @@ def watch_command(given: WatchSettings) -> None:
     if given.as_json:
         many = {"logs": entries} if len(entries) > 1 else {}
         facts = entries[worst] | many | {"notes": list(notes)}
-        print(json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False))
+        print(json_text(facts), end="")
     else:
         for verdict in verdicts:
             _show(verdict)

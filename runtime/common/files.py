@@ -22,7 +22,7 @@ from typing import IO, Any
 
 from runtime.common.errors import RuntimeFault
 
-__all__ = ["json_of", "replacing", "require_file", "sha256_of"]
+__all__ = ["json_of", "replacing", "require_file", "sha256_of", "write_json"]
 
 DRAFT = ".symgen."
 """Start of the names of files that are not complete yet; a killed process leaves them behind."""
@@ -187,6 +187,27 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
     finally:
         with suppress(OSError):
             draft.unlink(missing_ok=True)
+
+
+def json_text(facts: Any, allow_nan: bool = False) -> str:
+    """Indented JSON that ends with a line feed; NaN and infinity only where allowed."""
+    return json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=allow_nan) + "\n"
+
+
+def write_json(path: Path, facts: Any, allow_nan: bool = False) -> None:
+    """Write indented JSON, completely or not at all.
+
+    Args:
+        path: of the file.
+        facts: what `json` writes.
+        allow_nan: whether NaN and infinity may be written, which only Python reads.
+
+    Raises:
+        RuntimeFault: if the file cannot be written.
+        ValueError: if a number is not finite.
+    """
+    with replacing(path) as file:
+        file.write(json_text(facts, allow_nan).encode())
 
 
 @contextmanager

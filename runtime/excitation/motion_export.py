@@ -19,7 +19,7 @@ from typing import IO
 
 import numpy as np
 
-from runtime.common.files import replacing
+from runtime.common.files import replacing, write_json
 from runtime.errors import ExportError
 from runtime.excitation.limits.safety import require_consent
 from runtime.excitation.motion.trajectory import sample_times
@@ -84,8 +84,7 @@ def _write_certificate(motion: CertifiedMotion, path: Path) -> None:
         "no_limit_stated": list(certificate.unlimited),
         "not_checked": list(certificate.unchecked),
     }
-    with replacing(path) as file:
-        file.write((json.dumps(facts, indent=1) + "\n").encode())
+    write_json(path, facts)
 
 
 def _facts(use: Use) -> dict[str, object]:

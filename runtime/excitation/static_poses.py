@@ -17,13 +17,13 @@ result is a local optimum; several random starts are made.
 Source: Fedorov, Theory of Optimal Experiments, 1972, ch. 3.
 """
 
-import json
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
+from runtime.common.files import json_text
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.limit_rows import DEFAULT_RANGE
@@ -259,7 +259,7 @@ def pose_json(designed: PoseDesign, lib: Library) -> bytes:
         "sigma_torque_random": _finite(designed.torque_random),
         "assumptions": list(designed.assumptions),
     }
-    return (json.dumps(facts, indent=1) + "\n").encode()
+    return json_text(facts).encode()
 
 
 def pose_table(designed: PoseDesign, lib: Library) -> bytes:

@@ -1,13 +1,12 @@
 """A designed trajectory as JSON: robot, home, coefficients, duration and what is known of it."""
 
-import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from runtime.common.files import json_of, replacing
+from runtime.common.files import json_of, write_json
 from runtime.errors import IdentificationError, RecordingError
 from runtime.excitation.motion.trajectory import (
     COSINE,
@@ -65,8 +64,7 @@ def write_motion(
         **(known or {}),
         **{name: _facts(way) for name, way in (ways or {}).items()},
     }
-    with replacing(path) as file:
-        file.write((json.dumps(facts, indent=1) + "\n").encode())
+    write_json(path, facts, allow_nan=True)
 
 
 def _facts(trajectory: Trajectory) -> dict[str, Any]:

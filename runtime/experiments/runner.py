@@ -13,7 +13,7 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from runtime.common.files import json_of
+from runtime.common.files import json_of, write_json
 from runtime.common.threads import cores, one_blas_thread
 from runtime.errors import RuntimeFault
 from runtime.experiments.storage import (
@@ -27,7 +27,6 @@ from runtime.experiments.storage import (
     missing,
     read_series,
     valid_result,
-    write_json,
     write_outcome,
 )
 from runtime.experiments.studies import STUDIES

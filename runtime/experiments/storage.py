@@ -5,7 +5,6 @@ of another config is reported and computed again. All rows of a study become tri
 series.npz and, last, result.json with their SHA-256.
 """
 
-import json
 import os
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -18,7 +17,7 @@ from typing import Any
 import numpy as np
 from filelock import FileLock, Timeout
 
-from runtime.common.files import json_of, replacing, sha256_of
+from runtime.common.files import json_of, replacing, sha256_of, write_json
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.experiments.study import FORMAT, Row, Study, StudyOutcome
 from runtime.library import Array, Library
@@ -283,10 +282,3 @@ def read_series(folder: Path) -> dict[str, Array]:
     """Series of a study, after `valid_result` has checked them."""
     with np.load(folder / SERIES) as file:
         return {name: file[name] for name in file.files}
-
-
-def write_json(path: Path, facts: Mapping[str, Any]) -> None:
-    """Write indented JSON without NaN, complete or not at all."""
-    text = json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    with replacing(path) as file:
-        file.write(text.encode())

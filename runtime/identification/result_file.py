@@ -1,6 +1,5 @@
 """Writer of result.json, predictions.npz and posterior.npz: each is written whole or not at all."""
 
-import json
 from dataclasses import asdict, replace
 from os import PathLike
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from runtime.common.files import replacing
+from runtime.common.files import write_json
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.pc_ols import BOUNDARY
 from runtime.estimators.regression.causes import GAIN
@@ -125,10 +124,7 @@ def write_files(
     if posterior is not None:
         posterior_file.write_posterior(folder, posterior)
     predictions_file.write_predictions(folder, rows)
-    facts = msgspec.to_builtins(record)
-    text = json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    with replacing(folder / "result.json") as file:
-        file.write(text.encode())
+    write_json(folder / "result.json", msgspec.to_builtins(record))
     return record
 
 

@@ -41,7 +41,7 @@ from runtime.common.compiler import (
     run,
     spelled,
 )
-from runtime.common.files import bytes_of, json_of, require_file, sha256_of
+from runtime.common.files import bytes_of, json_of, json_text, require_file, sha256_of
 from runtime.common.records import Record, record_from_table
 from runtime.common.threads import cores
 from runtime.common.user_builds import is_safe_from_others
@@ -191,7 +191,7 @@ def compiled_library(folder: Path, robot: str, level: str | None = None) -> Path
                     "compiler": version,
                     "commands": [shlex.join(command) for command in commands],
                 }
-                (made_in / "build.json").write_text(json.dumps(record, indent=1) + "\n")
+                (made_in / "build.json").write_text(json_text(record))
     prune(root, robot)
     return root / name
 
@@ -216,7 +216,7 @@ def compiled_file(source: Path, flags: Words) -> Path:
                 run((*command, "-o", library), made_in)
                 (made_in / library).chmod(0o755)
                 record = {"sha256": sha256_of(made_in / library), "commands": [shlex.join(command)]}
-                (made_in / "build.json").write_text(json.dumps(record, indent=1) + "\n")
+                (made_in / "build.json").write_text(json_text(record))
     return root / name / library
 
 

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import tomli_w
 
+from runtime.common.files import write_json
 from runtime.excitation import Trajectory
 from runtime.excitation.trajectory_file import write_motion
-from runtime.experiments.storage import CONFIG, write_json, write_outcome
+from runtime.experiments.storage import CONFIG, write_outcome
 from runtime.experiments.study import Study, StudyOutcome, View
 from runtime.identification.result_file import write_result
 from runtime.identification.single_log import identify_recording

@@ -1,6 +1,5 @@
 """Command `inspect`: a model file in; a table, sentences and an exit code out."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,7 +7,7 @@ from typing import Any
 import numpy as np
 import typer
 
-from runtime.common.files import replacing, require_unused
+from runtime.common.files import json_text, replacing, require_unused
 from runtime.common.settings import Choices, argument_field, data_field, method_field, output_field
 from runtime.common.tables import Table, significant
 from runtime.common.terminal import VERBOSE, say, show
@@ -78,7 +77,7 @@ def inspect_command(given: InspectSettings) -> None:
             inspection, given.model, given.repair, given.overwrite, given.as_json
         )
     if given.as_json:
-        print(json.dumps(result, indent=1))
+        print(json_text(result, allow_nan=True), end="")
     raise typer.Exit(int(bool(inspection.findings if given.strict else inspection.errors)))
 
 

@@ -34,6 +34,7 @@ from typing import Any
 
 import jinja2
 
+from runtime.common.files import json_text
 from symgen.emit.forms import (
     Forms,
     Kernels,
@@ -318,7 +319,7 @@ def emit(
     extras = programs(kernels, forms.tiles, facts)
     context["programs"] = {extra.file: extra.context for extra in extras}
     files = {
-        "manifest.json": json.dumps(manifest, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        "manifest.json": json_text(manifest),
         "kernels.c": render("kernels.c.jinja2", context),
         "lanes.h": (_TEMPLATES / "lanes.h").read_text(encoding="utf-8"),
         "sines.h": (_TEMPLATES / "sines.h").read_text(encoding="utf-8"),

@@ -7,7 +7,6 @@ and a full disk leave either the old library or the new one.
 import ctypes
 import filecmp
 import hashlib
-import json
 import os
 import shlex
 import shutil
@@ -21,7 +20,7 @@ from typing import Any
 
 from filelock import FileLock
 
-from runtime.common.files import json_of, sha256_of
+from runtime.common.files import json_of, json_text, sha256_of
 from runtime.common.user_builds import is_user_build, record_build
 from symgen.catalogue import make_catalogue
 from symgen.catalogue.omitted import LONG
@@ -216,7 +215,7 @@ def _compile_facts(files: dict[str, str]) -> str:
     """Commands that compile the folder on a machine without symgen, and hashes of its files."""
     digests = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in files.items()}
     how = how_to_compile(*([name for name in kind if name in files] for kind in _KINDS))
-    return json.dumps({"files": digests, **how}, indent=1) + "\n"
+    return json_text({"files": digests, **how})
 
 
 def _fill(staging: Path, request: BuildRequest, draft: _Draft, levels: Sequence[str]) -> str:
@@ -240,7 +239,7 @@ def _fill(staging: Path, request: BuildRequest, draft: _Draft, levels: Sequence[
         "commands": [shlex.join(command) for command in compiled.commands],
         "compiler": compiled.version,
     }
-    (staging / "build.json").write_text(json.dumps(record, indent=1) + "\n")
+    (staging / "build.json").write_text(json_text(record))
     (staging / f"lib{request.name}.so").chmod(0o755)  # the run time opens what only its user writes
     return compiled.sha256
 

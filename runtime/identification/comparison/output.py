@@ -12,7 +12,6 @@ Advice and rows are written as compare.json, compare.md and report.html.
 """
 
 import html
-import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,7 +21,7 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
-from runtime.common.files import replacing
+from runtime.common.files import replacing, write_json
 from runtime.common.tables import significant
 from runtime.estimators.methods import DEFAULT, METHODS
 from runtime.identification.comparison.run import (
@@ -284,9 +283,7 @@ def write_comparison(
     lib = comparison.assembly.problem.lib
     advice = advise(comparison.rows, len(lib.base_columns))
     facts = _facts(comparison, advice, command, options, notes)
-    text = json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    with replacing(folder / "compare.json") as file:
-        file.write(text.encode())
+    write_json(folder / "compare.json", facts)
     with replacing(folder / "compare.md") as file:
         file.write(_markdown(facts).encode())
     return facts

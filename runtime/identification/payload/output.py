@@ -22,14 +22,13 @@ set_target_payload; KUKA System Software, LOAD; Kortex API, ControlConfig.SetPay
 xArm-Python-SDK, set_tcp_load.
 """
 
-import json
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
-from runtime.common.files import replacing
+from runtime.common.files import json_text, replacing
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.payload.body import NAMES, Body, Payload
 from runtime.identification.payload.known import FORMAT
@@ -53,8 +52,8 @@ def vendor_texts(body: Body) -> dict[str, str]:
     texts = (
         ur_script(body),
         kuka_load(body),
-        _json({"payload_mass": m, "payload_mass_center": {"x": x, "y": y, "z": z}}),
-        _json({"weight": m, "center_of_gravity": [MM * x, MM * y, MM * z]}),
+        json_text({"payload_mass": m, "payload_mass_center": {"x": x, "y": y, "z": z}}),
+        json_text({"weight": m, "center_of_gravity": [MM * x, MM * y, MM * z]}),
     )
     return dict(zip(VENDOR_FILES, texts, strict=True))
 
@@ -108,9 +107,9 @@ def write_payload(payload: Payload, lib: Library, folder: Path, command: str = "
     """Write `FILES` into a folder."""
     facts = load_facts(payload, lib) | {"command": command}
     texts = (
-        _json(facts),
-        _json(facts["set_load"]),
-        _json(facts["endeffector_config"]),
+        json_text(facts),
+        json_text(facts["set_load"]),
+        json_text(facts["endeffector_config"]),
         payload_urdf(payload),
         *vendor_texts(payload.body).values(),
     )
@@ -193,7 +192,3 @@ def _intervals(body: Body) -> list[list[float]]:
 
 def _by_column(matrix: Array) -> list[float]:
     return [float(x) for x in matrix.ravel(order="F")]
-
-
-def _json(facts: dict[str, Any]) -> str:
-    return json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False) + "\n"

@@ -4,14 +4,13 @@ Every file is reloaded by its engine: the first of a format at 1000 random state
 few, since they differ in numbers only.
 """
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from runtime.common.files import replacing
+from runtime.common.files import replacing, write_json
 from runtime.errors import ExportError
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Library
@@ -75,8 +74,7 @@ def write_samples(
     }
     with replacing(folder / ARRAYS) as file:
         np.savez_compressed(file, pi=draws.pi, phi=draws.phi)
-    with replacing(folder / TABLE) as file:
-        file.write(f"{json.dumps(facts, indent=1, ensure_ascii=False)}\n".encode())
+    write_json(folder / TABLE, facts, allow_nan=True)
     return facts
 
 

@@ -6,7 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from runtime.common.files import LARGEST_DOCUMENT, bytes_of, json_of, require_file, text_of, toml_of
+from runtime.common.files import (
+    LARGEST_DOCUMENT,
+    bytes_of,
+    json_of,
+    require_file,
+    text_of,
+    toml_of,
+    write_json,
+)
 
 
 def endless(path: Path) -> None:
@@ -80,3 +88,15 @@ def test_documents_of_windows_editors(tmp_path: Path) -> None:
     assert toml_of(path) == {"total_mass": 2.5, "link": {"arm": {"mass": 1.0}}}
     path.write_bytes(b'\xef\xbb\xbf{"mass": 1.0}\r\n')
     assert json_of(path) == json_of(path.read_bytes()) == {"mass": 1.0}
+
+
+def test_json_with_numbers_that_are_none_is_not_written(tmp_path: Path) -> None:
+    """Property: NaN leaves the file as it was, unless it is allowed; other text is read again."""
+    path = tmp_path / "facts.json"
+    write_json(path, facts := {"joint": "é", "values": [1.5, None]})
+    assert json_of(path) == facts
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        write_json(path, {"sigma": float("nan")})
+    assert json_of(path) == facts
+    write_json(path, {"sigma": float("inf")}, allow_nan=True)
+    assert json_of(path) == {"sigma": float("inf")}

@@ -230,7 +230,7 @@ def _delay_sigma(saved: SavedResult) -> float:
     known = record.delays
     if record.sessions is not None:
         known += record.sessions.delay_s or ()
-    sigma = [np.max(each.sigma) for each in known if each.value is not None and each.sigma]
+    sigma = [np.max(each.sigma) for each in known if each.sigma]
     if sigma:
         return float(max(sigma))
     return 0.0 if saved.preparation.torque_delay_s is not None else UNKNOWN_DELAY

@@ -452,6 +452,27 @@ def test_a_delay_that_no_result_estimated_is_no_change(
     assert not stated or verdict.best.group == "clock"
 
 
+def test_a_drift_rises_by_its_size_over_the_log(
+    lib: Library, arm: Path, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray
+) -> None:
+    """Oracle: lengths of the columns of a bias and of a ramp from −½ to ½, of N even rows over σ.
+
+    Scores are in a basis of all columns, which keeps their lengths.
+    """
+    saved = read_result(arm)
+    log = prepare(later_log(lib, trajectories[1], pi_true, ""), Preparation(), saved.friction)
+    log, model = log.take(slice(0, 200), "short"), model_of(saved, lib)
+    root, over = 1e-6 * np.eye(len(lib.base_matrix) + saved.phi.size), np.arange(1.0, 8.0)
+    samples, ranges = samples_of(log, lib), np.ones(lib.n_joints)
+    scores = scores_of(lib, model, saved.pi, log.t, samples, root, over, ranges)
+    lengths = np.linalg.norm(scores.columns, axis=0)
+    names = changes_of(lib, model, np.ones((2, lib.n_joints))).names
+    for kind, column in (("bias", np.ones(200)), ("drift", np.linspace(-0.5, 0.5, 200))):
+        for j, joint in enumerate(lib.joint_names):
+            found = lengths[names.index((f"sensor {kind}", joint))]
+            assert found == pytest.approx(over[j] * np.linalg.norm(column), rel=1e-4)
+
+
 def test_a_rest_adds_the_square_of_its_dry_friction(
     lib: Library, arm: Path, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray
 ) -> None:

@@ -11,8 +11,12 @@ from runtime import load
 from runtime.campaign.campaign import Plan, _rehearsed
 from runtime.campaign.gate import RehearsalVerdict, torque_faults, unnoticed
 from runtime.campaign.gear_friction import (
+    HIGHEST,
+    LOWEST,
     PREPARATION,
+    SPACING,
     GearFriction,
+    _waves,
     agreement_of,
     arm_model,
     errors_of,
@@ -182,6 +186,22 @@ def test_a_joint_without_ripple(arm: Library) -> None:
     """Property: no waves where the residual is noise."""
     log = smoothed(moved(arm, 4.0, 4, ripple=0.0), arm)
     assert not gear_of([log], arm, PREPARATION, GearFriction.usual(arm.n_joints)).waves.any()
+
+
+def test_waves_are_those_that_explain_most_beside_other_columns() -> None:
+    """Oracle: least squares with sine and cosine at each wave number, on a way of half a radian.
+
+    There sine and cosine of few waves are nearly one column.
+    """
+    q, rng = np.linspace(0.0, 0.5, 300)[:, None], np.random.default_rng(2)
+    rest = 0.3 * np.sin(17 * q + 0.4) + 0.1 * rng.normal(size=q.shape)
+    basis = np.linalg.qr(np.hstack([np.ones_like(q), q]))[0]
+    tried, left = np.arange(LOWEST, HIGHEST, SPACING), []
+    for each in tried:
+        columns = np.hstack([basis, np.sin(each * q), np.cos(each * q)])
+        left.append(np.linalg.norm(rest - columns @ np.linalg.lstsq(columns, rest, rcond=None)[0]))
+    rest = rest - basis @ (basis.T @ rest)
+    assert _waves(q, rest, basis).tolist() == [tried[np.argmin(left)]]
 
 
 def test_slopes_of_the_columns() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from runtime.estimators.regression import model_error
 from runtime.estimators.regression.compression import compress
-from runtime.estimators.regression.model_error import BLOCK_S, model_error_of, scatter
+from runtime.estimators.regression.model_error import BLOCK_S, model_error_of, scatter, time_step
 from runtime.estimators.regression.omitted_columns import free_fit
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Library
@@ -52,6 +52,14 @@ def test_few_blocks_keep_the_noise() -> None:
     few = round(2 * BLOCK_S * RATE)
     spread = scatter(samples.rows(slice(few)), q[:few], np.ones((few, 1)), 0.09)
     assert np.array_equal(spread, 0.09 * np.eye(COLUMNS))
+
+
+def test_rows_of_a_slow_motion_have_their_step() -> None:
+    """Oracle: 20 Hz at a milliradian per second, and 0 at rest."""
+    samples, _ = _rows(np.random.default_rng(0))
+    slow = replace(samples, q=1e-3 * samples.q, dq=1e-3 * samples.dq)
+    assert time_step(slow) == pytest.approx(1 / RATE, rel=1e-9)
+    assert time_step(replace(samples, q=0 * samples.q, dq=0 * samples.dq)) == 0.0
 
 
 def test_a_posterior_is_widened_where_blocks_scatter(fr3: Library) -> None:

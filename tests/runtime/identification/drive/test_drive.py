@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from runtime.errors import IdentificationError
-from runtime.estimators.regression.recorded_delay import _Fit
+from runtime.estimators.regression.recorded_delay import _Fit, recorded_delay
 from runtime.estimators.regression.samples import Samples
 from runtime.identification.drive import estimate as passes
 from runtime.identification.drive.estimate import identify_drive
@@ -173,6 +173,15 @@ def test_a_slow_log_refuses_a_delay(lib: Library, tmp_path: Path) -> None:
     assert result.drive is not None
     assert result.drive.delay_parts() is None
     assert any("does not determine a delay" in note for note in result.notes)
+
+
+def test_rows_without_the_torque_of_every_delay_are_left_out(lib: Library) -> None:
+    """Oracle: of 169 rows at 100 Hz 20 go to each end of the filter, then 15 to 145 ms."""
+    t = np.arange(169) / 100.0
+    q = np.sin(np.outer(t, np.arange(1.0, 8.0)))
+    log = Recording(t, q, np.gradient(q, t, axis=0), tau=q)
+    with pytest.raises(IdentificationError, match=r"expected 100 rows .* got 99"):
+        recorded_delay(log, lib, FILTERED, Friction(("viscous",)), 0.145)
 
 
 def test_armature_is_not_negative(lib: Library, tmp_path: Path) -> None:

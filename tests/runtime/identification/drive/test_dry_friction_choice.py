@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from runtime.estimators.regression.dry_friction_choice import _trial
 from runtime.identification.identified import Identification
 from runtime.identification.identify import identify
 from runtime.identification.posterior_file import friction_sigma
@@ -105,6 +106,21 @@ def test_position_beside_dahl_has_its_state(tiny_built: Path, tmp_path):
     assert plain[0, 0, names.index("position")] == pytest.approx(0.25 * place, abs=1e-15)
     phi = np.abs(model.phi[:, [names.index("dahl"), names.index("position")]])
     np.testing.assert_allclose(model.lasting_friction, phi.sum(axis=1))
+
+
+def test_delays_reach_from_150_ms_behind_the_stamp_to_30_ms_before_it(tiny_built: Path):
+    """Oracle: a torque that rises by 2 N·m/s differs by 0.36 N·m between the first and the last."""
+    t = np.arange(600) / 100.0
+    q, one = np.sin(t)[:, None], np.ones((600, 1))
+    columns = np.stack([np.cos(t)[:, None], np.sign(np.cos(t))[:, None]], axis=2)
+    names = ("viscous", "coulomb")
+    log = Recording(
+        t, q, np.cos(t)[:, None], -q, 2 * t[:, None], columns=columns, column_names=names
+    )
+    trial = _trial(log, load(tiny_built), Friction(names), True)
+    assert trial is not None
+    rows = trial.rest.shape[1]
+    np.testing.assert_allclose(trial.rest[-1] - trial.rest[0], 0.36 * one[:rows], rtol=1e-9)
 
 
 def test_both_ends_of_a_commanded_torque_are_left_out(tiny_built: Path, tmp_path):

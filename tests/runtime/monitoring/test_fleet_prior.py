@@ -8,8 +8,10 @@ import pytest
 
 from runtime import Recording
 from runtime.errors import IdentificationError
+from runtime.estimators.convex import map_estimate
 from runtime.estimators.prior_file import read_prior
 from runtime.estimators.problem import NoiseFloor
+from runtime.estimators.regression.coloured_noise import ColouredNoise
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.library.parameters import links, mass
@@ -95,6 +97,27 @@ def test_the_prior_of_a_type_decides_what_no_motion_shows(lib: Library, noisy: R
     prior = dataclasses.replace(_trusted(), centre=centre)
     result = identify_recording(noisy, lib, friction=TERMS, prior=prior, certify=False)
     assert mass(links(result.pi))[0] == pytest.approx(1.7 * mass(links(lib.pi0))[0], rel=0.01)
+
+
+def test_the_trust_in_a_type_counts_all_of_the_noise(
+    lib: Library, noisy: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Property: with N_eff = N / 10⁶ a result is nearer to the centre of a type; that about the
+    URDF, whose trust counts the autocorrelation of the residuals alone, stays.
+    """
+    prior, found = dataclasses.replace(_trusted(), centre=1.2 * lib.pi0), []
+    for inflation in (1.0, 1e6):
+        noise = ColouredNoise(inflation, 1.0)
+        monkeypatch.setattr(map_estimate, "coloured_noise_of", lambda *_, noise=noise: noise)
+        words = {"friction": TERMS, "certify": False}
+        found.append(
+            [identify_recording(noisy, lib, prior=each, **words) for each in (prior, None)]
+        )
+    far, near = (
+        np.linalg.norm(typed.beta - 1.2 * (lib.base_matrix @ lib.pi0)) for typed, _ in found
+    )
+    assert near < 0.7 * far
+    np.testing.assert_array_equal(found[0][1].pi, found[1][1].pi)
 
 
 def test_a_few_seconds_count_with_the_noise_of_the_type(lib: Library, noisy: Recording) -> None:

@@ -162,7 +162,7 @@ def test_numpy_computes_the_same(fr3: Library, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.syspath_prepend(str(REPOSITORY / "scripts"))
     from bench import doors, numpy_identify
 
-    from runtime.estimators.regression.compression import compress
+    from runtime.estimators.regression.factor import compress
     from runtime.excitation import ConditionCost
 
     setting = doors.setting(fr3)

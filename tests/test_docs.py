@@ -180,14 +180,14 @@ def test_numbers_of_public_formats_are_those_of_the_code() -> None:
     """Property: the page states the number that the code writes into each file."""
     from runtime.identification import result_record, statistics_file
     from runtime.identification.comparison import output
-    from runtime.identification.payload import known
+    from runtime.identification.payload import body
     from runtime.library import manifest
 
     table = section_of("reference/public.md", "Files")
     stated = dict(re.findall(r"\| `([\w.]+)` \| `\w+` (\d+) \|", table))
     assert stated == {
         "result.json": str(result_record.FORMAT),
-        "payload.json": str(known.FORMAT),
+        "payload.json": str(body.FORMAT),
         "compare.json": str(output.FORMAT),
         "statistics.npz": str(statistics_file.FORMAT),
         "manifest.json": str(manifest.FORMAT),

@@ -24,7 +24,7 @@ from runtime.campaign.driver import START, Driver
 from runtime.campaign.gate import EMPTY_CELL, rehearse, released, unnoticed
 from runtime.campaign.gear_friction import ArmModel, agreement_of, arm_model, smoothed
 from runtime.campaign.guards import model_error, usual_guards
-from runtime.campaign.target import Target, known_before, reached, torque_noise
+from runtime.campaign.shortest_session import Target, known_before, reached, torque_noise
 from runtime.common.files import DRAFT, json_of, replacing, write_json
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory

@@ -32,7 +32,7 @@ from runtime.estimators.gauss_newton import Linearised, gauss_newton
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import FrictionPrior
 from runtime.estimators.regression.coloured_noise import coloured_noise_of
-from runtime.estimators.regression.compression import compress
+from runtime.estimators.regression.factor import compress
 from runtime.estimators.regression.posterior import posterior_of
 from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import Uncertainty, uncertainty_of

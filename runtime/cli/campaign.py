@@ -9,7 +9,7 @@ import typer
 from runtime.campaign.campaign import Plan, run_campaign
 from runtime.campaign.driver import Driver
 from runtime.campaign.drivers import DRIVERS, DriverSettings
-from runtime.campaign.target import target_of
+from runtime.campaign.shortest_session import target_of
 from runtime.cli.common import Seed, numbers_option, open_robot, sentences_of
 from runtime.cli.motion_limits import PlaceChoices
 from runtime.common.files import json_text

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from rich.progress import Progress
 
-from runtime.campaign.shortest_session import shortest_session
-from runtime.campaign.target import target_of
+from runtime.campaign.shortest_session import shortest_session, target_of
 from runtime.cli.approach import SessionPlan
 from runtime.cli.excite_settings import ExciteSettings
 from runtime.cli.motion_output import SAMPLED, certified_stages, designed_by

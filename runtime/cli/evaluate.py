@@ -9,12 +9,10 @@ from runtime.cli.log_options import LaterLogChoices
 from runtime.common.files import json_text
 from runtime.common.settings import output_field
 from runtime.common.terminal import say, show
-from runtime.identification.evaluation import evaluate
+from runtime.identification.evaluation import evaluate, position_table
 from runtime.identification.free_base.result import free_base_errors
-from runtime.identification.model_identity import require_model
-from runtime.identification.position_errors import position_table
 from runtime.identification.result_tables import error_table
-from runtime.identification.saved_result import SavedResult, read_result
+from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.library import Library
 from runtime.recording.free_base import read_free_base
 

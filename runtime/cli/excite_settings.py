@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from runtime.campaign.target import target_of
+from runtime.campaign.shortest_session import target_of
 from runtime.cli.common import numbers_option, sentences_of
 from runtime.cli.motion_limits import LimitChoices
 from runtime.cli.motion_output import EXPORT_MARGIN, MotionChoices

@@ -10,8 +10,7 @@ from runtime.cli.log_options import ResultChoices
 from runtime.common.settings import output_field
 from runtime.common.terminal import completing, say
 from runtime.errors import ExportError
-from runtime.identification.model_identity import require_model
-from runtime.identification.saved_result import read_result
+from runtime.identification.saved_result import read_result, require_model
 from runtime.outputs.model_files.drives import drives_of
 from runtime.outputs.model_files.export import export_model
 from runtime.outputs.model_files.export_format import EXPORT_FORMATS, usual_formats

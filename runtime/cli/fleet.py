@@ -17,14 +17,15 @@ from runtime.identification.statistics_file import read_statistics
 from runtime.library import Library
 from runtime.library.parameters import links, mass
 from runtime.monitoring.fleet.fleet_prior import (
+    FleetFit,
     FleetFriction,
+    fit_fleet,
     fit_friction,
     fit_noise,
     prior_text,
     write_prior,
 )
 from runtime.monitoring.fleet.gather import Unit, gather, remove_parts, statistics_files
-from runtime.monitoring.fleet.hierarchy import FleetFit, fit_fleet
 
 SHOWN = 20
 """Units that are printed, those that differ most first."""

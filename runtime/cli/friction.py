@@ -11,12 +11,11 @@ from runtime.common.tables import Table
 from runtime.common.terminal import command_line, say, show
 from runtime.identification.identified import torque_errors
 from runtime.identification.kept_links import FrictionOfLog, identify_friction
-from runtime.identification.model_identity import require_model
 from runtime.identification.prepared_log import preparation_of
 from runtime.identification.result_file import write_result
 from runtime.identification.result_record import error_parts
 from runtime.identification.result_tables import error_table, tested_on
-from runtime.identification.saved_result import SavedResult, read_result
+from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.identification.settings import Settings
 from runtime.outputs.model_files.export import write_urdf
 from runtime.outputs.report.report import write_report

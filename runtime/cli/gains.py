@@ -13,7 +13,7 @@ from runtime.common.terminal import command_line, completing, say, show
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.current_gains import Weighed, current_gains, of_gain_one
-from runtime.identification.payload.known import read_known_payload
+from runtime.identification.payload.body import read_known_payload
 from runtime.identification.prepared_log import filter_for_accelerations
 from runtime.identification.sensor_gains import Gains, identify_gains
 from runtime.identification.settings import Settings, friction_of

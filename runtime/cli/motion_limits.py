@@ -17,8 +17,13 @@ from runtime.excitation.limits.carried_body import CarriedBody, CarriedBox
 from runtime.excitation.limits.constraints import TABLE_MARGIN
 from runtime.excitation.limits.obstacles import read_obstacles
 from runtime.excitation.limits.safety import TABLE, Safety
-from runtime.identification.payload.body import Mount, mount_of, pi_of_body
-from runtime.identification.payload.known import KnownPayload, read_known_payload
+from runtime.identification.payload.body import (
+    KnownPayload,
+    Mount,
+    mount_of,
+    pi_of_body,
+    read_known_payload,
+)
 from runtime.library import Array, Library
 from runtime.library.parameters import link_columns
 

@@ -20,15 +20,13 @@ from runtime.common.settings import FILE, data_field, method_field, model_field,
 from runtime.common.tables import Table, significant
 from runtime.common.terminal import command_line, say, show
 from runtime.errors import ExportError, IdentificationError
-from runtime.identification.model_identity import require_model
 from runtime.identification.posterior_file import read_posterior
-from runtime.identification.saved_result import SavedResult, read_result
+from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.library import Array, Library
 from runtime.library.manifest import file_units
 from runtime.monitoring.calibration import FreeMotion, Tail, calibrated_on, rate_interval, verified
-from runtime.monitoring.false_alarms import alarm_rate
 from runtime.monitoring.model import MonitoredModel, model_of
-from runtime.monitoring.noise import read_held_out
+from runtime.monitoring.noise import alarm_rate, read_held_out
 from runtime.monitoring.observation import (
     WITHIN_S,
     Detector,

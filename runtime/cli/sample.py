@@ -19,9 +19,8 @@ from runtime.common.settings import FILE, output_field
 from runtime.common.tables import significant
 from runtime.common.terminal import completing, console, say
 from runtime.errors import IdentificationError
-from runtime.identification.model_identity import require_model
 from runtime.identification.posterior_file import read_posterior
-from runtime.identification.saved_result import read_result
+from runtime.identification.saved_result import read_result, require_model
 from runtime.monitoring.posterior_draws import draw_models
 from runtime.outputs.model_files.export_format import EXPORT_FORMATS
 from runtime.outputs.model_files.randomisation import (

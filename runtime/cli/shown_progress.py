@@ -5,8 +5,8 @@ from rich.progress import TaskID
 from rich.table import Table
 
 from runtime.common.terminal import VERBOSE, console, say
-from runtime.estimators.choice.cutoff_choice import CutoffChoice
 from runtime.estimators.choice.friction_choice import FrictionChoice
+from runtime.estimators.choice.regressor_choice import CutoffChoice
 from runtime.identification.progress import Progress
 
 

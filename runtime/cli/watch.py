@@ -17,9 +17,8 @@ from runtime.common.settings import argument_field, data_field, output_field
 from runtime.common.tables import Table
 from runtime.common.terminal import say, show
 from runtime.errors import RecordingError
-from runtime.identification.model_identity import require_model
 from runtime.identification.posterior_file import read_posterior
-from runtime.identification.saved_result import SavedResult, read_result
+from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.library import Library
 from runtime.monitoring.drift import ALPHA, Change, Verdict, baseline_of, verdict_of
 from runtime.monitoring.model import model_of

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from runtime.errors import IdentificationError
 from runtime.estimators.optimizers import Trace
 from runtime.estimators.regression.coloured_noise import ColouredNoise
-from runtime.estimators.regression.compression import compress_all
-from runtime.estimators.regression.factor import Statistics
+from runtime.estimators.regression.factor import Statistics, compress_all
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 from runtime.library.parameters import lam_from_parts, lam_parts, links, mass

@@ -21,8 +21,7 @@ import numpy as np
 from runtime.errors import IdentificationError, NeedsError
 from runtime.estimators.methods import METHODS
 from runtime.estimators.problem import Problem
-from runtime.estimators.regression.compression import reference_triangle
-from runtime.estimators.regression.factor import from_triangle
+from runtime.estimators.regression.factor import from_triangle, reference_triangle
 from runtime.estimators.regression.posterior import least_squares
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library

@@ -37,8 +37,7 @@ from runtime.estimators.convex.entropic_prior import (
 )
 from runtime.estimators.prior_file import prior_about
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of
-from runtime.estimators.regression.compression import compress
-from runtime.estimators.regression.factor import Statistics
+from runtime.estimators.regression.factor import Statistics, compress
 from runtime.estimators.regression.model_error import model_error_of
 from runtime.estimators.regression.omitted_columns import free_fit
 from runtime.estimators.regression.posterior import DETERMINED, Posterior, posterior_of

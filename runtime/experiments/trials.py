@@ -20,7 +20,7 @@ from runtime.estimators.descent.adam import Preset, Watch
 from runtime.estimators.descent.fit import PRESETS, fit_levenberg, fit_many, fit_of, start_of
 from runtime.estimators.optimizers import Adam, Status, descend_validated
 from runtime.estimators.problem import Fit, Problem
-from runtime.estimators.regression.compression import TorqueObjective
+from runtime.estimators.regression.factor import TorqueObjective
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.excitation import Trajectory, log_condition
 from runtime.experiments.study import MOTION, Arrays, Row

@@ -18,8 +18,7 @@ from runtime.errors import IdentificationError
 from runtime.estimators.convex.eliminate_friction import reduce
 from runtime.estimators.convex.entropic_prior import CAD, Prior, prior_of
 from runtime.estimators.convex.newton import ConvexProblem, convex_problem
-from runtime.estimators.regression.compression import compress
-from runtime.estimators.regression.factor import Statistics, from_triangle
+from runtime.estimators.regression.factor import Statistics, compress, from_triangle
 from runtime.estimators.regression.samples import Samples
 from runtime.identification.expected_accuracy.expected import (
     SECONDS,

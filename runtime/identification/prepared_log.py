@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from runtime.errors import IdentificationError
-from runtime.estimators.choice.cutoff_choice import choose_cutoff
 from runtime.estimators.choice.default_friction import USABLE, choose_default_friction
 from runtime.estimators.choice.friction_choice import FRICTION_MODELS, choose_friction
 from runtime.estimators.choice.regressor_choice import (
     Differentiation,
+    choose_cutoff,
     choose_regressor,
     differentiation_of,
     noisy_accelerations,

@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
-from runtime.estimators.choice.cutoff_choice import CutoffChoice
 from runtime.estimators.choice.friction_choice import FrictionChoice
+from runtime.estimators.choice.regressor_choice import CutoffChoice
 
 
 class Progress:

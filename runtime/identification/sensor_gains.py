@@ -34,8 +34,7 @@ from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured
 from runtime.estimators.regression.posterior import ROUNDING, least_squares, posterior_of
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification.current_gains import channels_of, of_gain_one
-from runtime.identification.payload.body import Mount, mount_of, pi_of_body
-from runtime.identification.payload.known import KnownPayload
+from runtime.identification.payload.body import KnownPayload, Mount, mount_of, pi_of_body
 from runtime.library import Array, Library, require_library
 from runtime.library.parameters import INERTIA
 from runtime.recording import Friction, Preparation, Recording

@@ -25,7 +25,7 @@ from runtime.estimators.problem import FrictionPrior
 from runtime.estimators.regression.samples import residuals, samples_of
 from runtime.identification.identified import Identification
 from runtime.identification.metrics import torque_error
-from runtime.identification.payload.known import read_payload_facts
+from runtime.identification.payload.body import read_payload_facts
 from runtime.identification.problem_setup import Assembly, FitOfAssembly, Parts, assembled
 from runtime.identification.progress import SILENT, Progress
 from runtime.identification.result_record import LeftOutPart, RepeatabilityPart, SessionsPart

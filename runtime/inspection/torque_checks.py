@@ -1,7 +1,7 @@
 """Checks of the torque in their order: columns, signs, unit, gravity, delay, fit of the model.
 
 The proposed preparation has a cut-off whose accelerations the log supports. Cross-validation orders
-the candidates (`cutoff_choice`). Proposed is the first of them that
+the candidates (`regressor_choice`). Proposed is the first of them that
 predicts within `WORSE` of the best and whose accelerations pass the check of `regressor_choice`;
 where none does, the regressor of momentum, which needs no accelerations.
 """
@@ -10,8 +10,13 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from runtime.errors import RuntimeFault
-from runtime.estimators.choice.cutoff_choice import ROWS_PER_CUTOFF, CutoffChoice, choose_cutoff
-from runtime.estimators.choice.regressor_choice import choose_regressor, differentiation_of
+from runtime.estimators.choice.regressor_choice import (
+    ROWS_PER_CUTOFF,
+    CutoffChoice,
+    choose_cutoff,
+    choose_regressor,
+    differentiation_of,
+)
 from runtime.inspection.checks import (
     column_faults,
     drives,

@@ -21,9 +21,8 @@ from scipy.special import pdtrc
 
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
-from runtime.monitoring.observation import Detector, both_torques, observe, signals_of
+from runtime.monitoring.observation import Detector, both_torques, observe, signals_of, usual_torque
 from runtime.monitoring.observer import PAUSE_S, RELEASE
-from runtime.monitoring.session import usual_torque
 from runtime.recording import Recording
 
 PEAKS = 300

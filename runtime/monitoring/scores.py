@@ -24,7 +24,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_basis
-from runtime.estimators.regression.nuisance import SHAPES, nuisance_columns, torque_ranges
+from runtime.estimators.regression.model_error import SHAPES, nuisance_columns, torque_ranges
 from runtime.estimators.regression.posterior import APART, posterior_of
 from runtime.estimators.regression.samples import Samples
 from runtime.identification.identified import torque_of

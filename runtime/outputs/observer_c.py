@@ -2,8 +2,8 @@
 
 It needs kernels.c of the generated robot and <math.h>; it allocates nothing, and one state serves
 one thread. The model's band is constant there, its median over the observed log; all other terms
-of the thresholds follow the state. What a session changes is learnt as `runtime.monitoring.session`
-does.
+of the thresholds follow the state. What a session changes is learnt as by an observation in
+Python.
 """
 
 from string import Template
@@ -12,7 +12,7 @@ import numpy as np
 
 from runtime.errors import ExportError
 from runtime.library import Array, Library
-from runtime.monitoring import session
+from runtime.monitoring import observation
 from runtime.monitoring.noise import REVERSAL_S
 from runtime.monitoring.observation import (
     SLOPE_STEPS,
@@ -363,12 +363,12 @@ def observer_c(lib: Library, detector: Detector, band: Array) -> dict[str, str]:
         "noise": _row(detector.noise.sigma**2),
         "direct": ", ".join(str(int(each)) for each in np.broadcast_to(detector.is_direct, n)),
         "share": _row(np.broadcast_to(detector.share, n)),
-        "block": session.block_steps(s.rate_hz),
-        "hold": session.HOLD_BLOCKS,
-        "starts": session.START_BLOCKS,
-        "outlier": repr(session.OUTLIER**2),
-        **_parts("first", session.first_covariance(np.ones(1))),
-        **_parts("drift", session.drift_of_block(np.ones(1))),
+        "block": observation.block_steps(s.rate_hz),
+        "hold": observation.HOLD_BLOCKS,
+        "starts": observation.START_BLOCKS,
+        "outlier": repr(observation.OUTLIER**2),
+        **_parts("first", observation.first_covariance(np.ones(1))),
+        **_parts("drift", observation.drift_of_block(np.ones(1))),
         "dry": _row(model.dry_friction),
         "lasting": _row(model.lasting_friction),
         "dahl_stroke": repr(model.terms.dahl_stroke),

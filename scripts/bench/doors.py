@@ -24,7 +24,7 @@ from runtime.estimators.descent.descent import least_squares
 from runtime.estimators.descent.fit import fit_adam, start_of
 from runtime.estimators.optimizers import AdamOptions, LevenbergOptions, StoppingRule
 from runtime.estimators.problem import Problem
-from runtime.estimators.regression.compression import compress
+from runtime.estimators.regression.factor import compress
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.excitation import COST_SAMPLES, ConditionCost, Trajectory
 from runtime.excitation.motion.trajectory import fourier_basis

@@ -15,7 +15,7 @@ from bench.front import SHORT, cpu_seconds, python
 from bench.trials import trajectories
 from runtime import Identification, Recording, choose_default_friction
 from runtime.estimators.prior_file import PriorFile, read_prior
-from runtime.estimators.regression.compression import compress
+from runtime.estimators.regression.factor import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
 from runtime.identification.single_log import identify_recording
@@ -26,9 +26,15 @@ from runtime.identification.statistics_file import (
     write_statistics,
 )
 from runtime.library import Array, Library
-from runtime.monitoring.fleet.fleet_prior import fit_friction, fit_noise, prior_text, write_prior
+from runtime.monitoring.fleet.fleet_prior import (
+    FleetFit,
+    fit_fleet,
+    fit_friction,
+    fit_noise,
+    prior_text,
+    write_prior,
+)
 from runtime.monitoring.fleet.gather import unit_of
-from runtime.monitoring.fleet.hierarchy import FleetFit, fit_fleet
 from runtime.recording import Friction, Preparation
 from runtime.recording.preprocessing import prepare
 from runtime.recording.settings import EVERYTHING

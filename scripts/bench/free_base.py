@@ -12,8 +12,8 @@ import numpy as np
 from bench.front import Sheet, sheet_of
 from bench.same_results_inputs import DRIVER_HZ, icub_arrays
 from runtime.estimators.regression.samples import NORMAL_95
+from runtime.identification.free_base.drives import VerticalForce, vertical_force
 from runtime.identification.free_base.identify import FreeBaseIdentification, identify_free_base
-from runtime.identification.free_base.noise import VerticalForce, vertical_force
 from runtime.library import Library, load, to_pinocchio_order
 from runtime.recording.formats.npz import open_npz
 from runtime.recording.free_base import FreeBaseRecording, free_base_of

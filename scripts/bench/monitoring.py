@@ -29,9 +29,14 @@ from runtime.identification.single_log import identify_recording as fit
 from runtime.library import Array, Library
 from runtime.monitoring.calibration import calibrated, calibrated_on
 from runtime.monitoring.drift import Verdict, baseline_of, verdict_of
-from runtime.monitoring.false_alarms import AlarmRate, alarm_rate
 from runtime.monitoring.model import MonitoredModel, model_of
-from runtime.monitoring.noise import HeldOutResidual, read_held_out, read_test_rows
+from runtime.monitoring.noise import (
+    AlarmRate,
+    HeldOutResidual,
+    alarm_rate,
+    read_held_out,
+    read_test_rows,
+)
 from runtime.monitoring.observation import (
     Detector,
     detector_for,

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from bench.front import ROOT, Sheet, peak_memory, python, sheet_of
-from runtime.estimators.regression.compression import compress
+from runtime.estimators.regression.factor import compress
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification.long_logs import blocks_of
 from runtime.identification.single_log import identify_recording

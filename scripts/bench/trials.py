@@ -16,7 +16,7 @@ from runtime.estimators.convex.compiled import follow_many, solve_many
 from runtime.estimators.convex.eliminate_friction import reduce
 from runtime.estimators.convex.entropic_prior import CAD, prior_of
 from runtime.estimators.convex.newton import convex_problem
-from runtime.estimators.regression.compression import compress
+from runtime.estimators.regression.factor import compress
 from runtime.estimators.regression.samples import NORMAL_95, samples_of
 from runtime.excitation import Trajectory
 from runtime.experiments.trials import document_robot

@@ -19,9 +19,8 @@ from runtime.identification.result_file import write_result
 from runtime.identification.single_log import identify_recording
 from runtime.identification.statistics_file import statistics_of, write_statistics
 from runtime.library import Library
-from runtime.monitoring.fleet.fleet_prior import fit_friction, prior_text
+from runtime.monitoring.fleet.fleet_prior import fit_fleet, fit_friction, prior_text
 from runtime.monitoring.fleet.gather import gather
-from runtime.monitoring.fleet.hierarchy import fit_fleet
 from runtime.recording import Friction, Preparation, Recording, write_recording
 from runtime.simulation import Controller, settings_of
 from runtime.simulation.closed_loop import write_controller

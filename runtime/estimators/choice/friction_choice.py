@@ -24,7 +24,7 @@ from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.choice.cross_validation import BLOCKS, LEAST_GAIN, misfit, predicted, solved
 from runtime.estimators.regression.coloured_noise import coloured_noise_of
-from runtime.estimators.regression.compression import compress
+from runtime.estimators.regression.factor import compress
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.library import Array, Library, require_library
 from runtime.recording import Friction, Preparation, Recording, Split

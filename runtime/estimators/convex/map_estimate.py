@@ -22,8 +22,7 @@ from runtime.estimators.methods import Method
 from runtime.estimators.prior_file import PriorFile, prior_about
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of
-from runtime.estimators.regression.compression import compress
-from runtime.estimators.regression.factor import Statistics
+from runtime.estimators.regression.factor import Statistics, compress
 from runtime.estimators.regression.samples import Samples, inflation, noise, residuals, weights_from
 from runtime.library import Array, Library
 

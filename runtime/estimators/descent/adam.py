@@ -20,7 +20,7 @@ from runtime.estimators.optimizers import (
     Trace,
     descend_validated,
 )
-from runtime.estimators.regression.compression import CompressedObjective, TorqueObjective
+from runtime.estimators.regression.factor import CompressedObjective, TorqueObjective
 from runtime.library import Array
 from runtime.library.compiled_descent import AdamProblem, CompiledAdam
 

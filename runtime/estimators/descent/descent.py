@@ -18,8 +18,7 @@ import numpy as np
 
 from runtime.estimators.optimizers import LevenbergOptions, Outcome, Status, trace_of
 from runtime.estimators.problem import Problem
-from runtime.estimators.regression.compression import TorqueObjective, compress_all
-from runtime.estimators.regression.factor import Statistics
+from runtime.estimators.regression.factor import Statistics, TorqueObjective, compress_all
 from runtime.library import Array
 from runtime.library.compiled_descent import (
     CONVERGED,

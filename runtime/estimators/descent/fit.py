@@ -26,7 +26,7 @@ from runtime.estimators.optimizers import (
     Trace,
 )
 from runtime.estimators.problem import Fit, Problem, best_friction, in_unit, mass_unit
-from runtime.estimators.regression.compression import TorqueObjective
+from runtime.estimators.regression.factor import TorqueObjective
 from runtime.library import Array, Library
 
 __all__ = ["PRESETS", "fit_levenberg", "fit_many", "fit_of", "start_of"]

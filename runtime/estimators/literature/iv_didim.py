@@ -41,7 +41,7 @@ from runtime.estimators.classical.least_squares import (
 )
 from runtime.estimators.methods import Method
 from runtime.estimators.problem import Fit, Origin, Problem
-from runtime.estimators.regression.compression import compress
+from runtime.estimators.regression.factor import compress
 from runtime.estimators.regression.posterior import ROUNDING
 from runtime.estimators.regression.samples import Samples
 from runtime.excitation import Trajectory

@@ -24,8 +24,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_shares
-from runtime.estimators.regression.model_error import scatter, time_step
-from runtime.estimators.regression.nuisance import nuisance_of
+from runtime.estimators.regression.model_error import nuisance_of, scatter, time_step
 from runtime.estimators.regression.omitted_columns import SIGNIFICANCE, FreeFit, free_fit
 from runtime.estimators.regression.posterior import APART, ROUNDING, posterior_of
 from runtime.estimators.regression.samples import Samples

@@ -1,16 +1,32 @@
 """Triangular factor of all samples, with merging and forgetting.
 
 Factors of several logs add up, and old samples can be forgotten (Golub & Van Loan, Sec. 6.5).
+
+Weighted torque loss, over samples or over their statistics, compressed in one pass.
+
+L(λ, φ) = (1/N) Σ ½ rᵀ W r,  r = Y π(λ) + F φ − τ (Eqs. 4.5, 4.6), with friction F φ as an option.
+The unknowns are x = [λ, ψ]: φ = ψ · unit, where one unit of ψ moves the torque of its joint by as
+much as a relative change of one in λ does, so that one step size serves both.
+
+Samples are compressed block by block; Y_b is never stored.
 """
 
+from collections import deque
+from collections.abc import Callable, Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import chain, islice
 
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.common.threads import cores
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.posterior import least_squares
-from runtime.library import Array
+from runtime.estimators.regression.samples import THESIS_SIGMA, Samples
+from runtime.library import Array, Library
+from runtime.recording.friction.coupled_motors import Coupling
+from runtime.recording.friction.model import torque as friction_torque
 
 EXPLAINED = 1e-9
 """Remainder of a column of length one below which other columns explain it."""
@@ -154,3 +170,209 @@ def from_triangle(triangle: Array, count: float, base: Array, model_hash: str) -
 
 def _identity(s: Statistics) -> str:
     return f"model {s.model_hash[:12]} with {len(s.target) - s.n_base} friction coefficients"
+
+
+__all__ = ["TorqueObjective"]
+
+TOGETHER = 16
+"""Number of factors that are collected before they are joined."""
+BLOCK = 16384
+"""Samples per factor, of the last one half to one and a half as many: fixed, so that the number of
+threads changes nothing, and some milliseconds of work, against which joining factors and starting
+threads are negligible."""
+TRIED = 8
+"""Blocks that find out by themselves whether rows may be multiplied; if none may, no later one
+tries, which takes a twentieth of its time. Fixed, as `BLOCK`."""
+
+
+class TorqueObjective:
+    """L(x) and ∇L(x) over all samples or over a mini-batch."""
+
+    def __init__(
+        self, lib: Library, samples: Samples, weights: Array, unit: Array | None = None
+    ) -> None:
+        self.lib, self.samples, self.weights = lib, samples, weights
+        self.n_lam = lib.lam0.size
+        self.shape = samples.columns.shape[1:]
+        self.unit = friction_unit(samples) if unit is None else unit
+
+    def split(self, x: Array) -> tuple[Array, Array]:
+        """λ (10 n,) and φ (n, k) of x."""
+        return x[: self.n_lam], x[self.n_lam :].reshape(self.shape) * self.unit
+
+    def join(self, lam: Array, phi: Array) -> Array:
+        """Unknowns x of λ and φ.
+
+        Args:
+            lam: λ of all links, (10 n,).
+            phi: friction coefficients, (n, k).
+
+        Returns:
+            x = [λ, ψ], (10 n + n k,).
+        """
+        return np.concatenate([lam, (phi / self.unit).ravel()])
+
+    def value_gradient(
+        self, x: Array, rows: NDArray[np.int64] | None = None
+    ) -> tuple[float, Array]:
+        """Loss and gradient.
+
+        Args:
+            x: [λ, ψ], (10 n + n k,).
+            rows: samples of the mini-batch; None takes all.
+
+        Returns:
+            L [(N·m)²] and ∇L (10 n + n k,).
+        """
+        lam, phi = self.split(x)
+        s, lib = self.samples, self.lib
+        take = slice(None) if rows is None else rows
+        q, dq, ddq, tau, columns = (a[take] for a in (s.q, s.dq, s.ddq, s.tau, s.columns))
+        free = tau - friction_torque(columns, phi, s.coupling) if phi.size else tau
+        pi = lib.pi_from_lam(lam)
+        loss, slope, residual = lib.loss_gradient(q, dq, ddq, free, self.weights, pi)
+        n_lam = lib.pi_adjoint(lam, slope)
+        n_phi = _slope(columns, residual * self.weights, s.coupling) * self.unit
+        return loss / len(q), np.concatenate([n_lam, n_phi.ravel()]) / len(q)
+
+    def value(self, x: Array) -> float:
+        """Loss L at x over all samples."""
+        lam, phi = self.split(x)
+        s = self.samples
+        residual = s.rigid(self.lib, self.lib.pi_from_lam(lam)) - s.tau
+        if phi.size:
+            residual = residual + s.friction(phi)
+        return float(np.mean((residual**2) @ self.weights) / 2)
+
+
+def _slope(columns: Array, weighted: Array, coupling: Coupling | None) -> Array:
+    """Σ_i Cᵀ W r of every coefficient, (n, k)."""
+    if coupling is None:
+        return np.asarray(np.einsum("ijk,ij->jk", columns, weighted))
+    return coupling.slope(columns, weighted)
+
+
+def friction_unit(samples: Samples) -> Array:
+    """Units of φ, (n, k): RMS torque of the joint over RMS of the column, 1 for a zero column."""
+    torque = np.sqrt(np.mean(samples.tau**2, axis=0) + THESIS_SIGMA**2)
+    rms = np.sqrt(np.mean(samples.columns**2, axis=0))
+    if samples.coupling is not None:
+        rms = samples.coupling.sizes(rms)
+    return torque[:, None] / np.where(rms > 0, rms, 1.0)
+
+
+def compress(
+    lib: Library,
+    samples: Samples,
+    weights: Array,
+    sample_weights: Array | None = None,
+    threads: int | None = None,
+) -> Statistics:
+    """Compress N samples; the result does not depend on `threads`, to the bit.
+
+    weights (n,), sample_weights (N,).
+    """
+    weights = _weights("weights", weights, samples.equations)
+    count = float(len(samples))
+    if sample_weights is not None:
+        sample_weights = _weights("sample_weights", sample_weights, len(samples))
+        count = float(sample_weights.sum())
+    compiled = lib.compiled_statistics
+    join: Callable[[Array], Array] = compiled.join if compiled else joined
+
+    def block(start: int, products: bool = True) -> tuple[Array, int]:
+        part = slice(start, start + BLOCK if start < starts[-1] else None)
+        s = samples.rows(part)
+        counts = None if sample_weights is None else sample_weights[part]
+        # The C code evaluates Y_b itself and takes columns of one joint each.
+        if compiled is None or s.coupling is not None or s.base is not None:
+            return reference_triangle(lib, s, weights, counts), 0
+        return compiled.triangle(s.q, s.dq, s.ddq, s.tau, s.columns, weights, counts, products)
+
+    # One factor per block, on threads, then the factor of all factors.
+    starts = range(0, max(round(len(samples) / BLOCK), 1) * BLOCK, BLOCK)
+    workers = min(len(starts), threads or cores()) if len(starts) > 1 else 1
+
+    def all_blocks(each: Callable[..., Iterable[tuple[Array, int]]]) -> list[Array]:
+        done = list(each(block, starts[:TRIED]))
+        products = any(multiplied for _, multiplied in done)
+        done += each(lambda start: block(start, products), starts[TRIED:])
+        return [triangle for triangle, _ in done]
+
+    if workers > 1:
+        with ThreadPoolExecutor(workers) as pool:
+            triangles = all_blocks(pool.map)
+    else:
+        triangles = all_blocks(map)
+    triangle = triangles[0] if len(triangles) == 1 else join(np.stack(triangles))
+    if not np.isfinite(triangle).all():
+        raise IdentificationError(
+            "the samples hold NaN, infinite or far too large values; drop those rows before "
+            "compressing them"
+        )
+    return from_triangle(triangle, count, lib.base_matrix, lib.manifest.model_hash)
+
+
+def compress_all(lib: Library, pieces: Iterable[Samples], weights: Array) -> Statistics:
+    """Compress many pieces into one, with a bounded number of factors in memory."""
+    source = iter(pieces)
+    first = tuple(islice(source, 2))
+    if len(first) == 1:  # a short log; threads take longer to start than it takes
+        return compress(lib, first[0], weights)
+    factors: list[Statistics] = []
+    with ThreadPoolExecutor(cores()) as pool:
+        # Pieces are taken by this thread, a bounded number ahead, and compressed on the others.
+        source, waiting = chain(first, source), deque[Future[Statistics]]()
+        while True:
+            for piece in islice(source, 2 * cores() - len(waiting)):
+                waiting.append(pool.submit(compress, lib, piece, weights))
+            if not waiting:
+                break
+            factors.append(waiting.popleft().result())
+            if len(factors) == TOGETHER:
+                factors = [factors[0].merged(*factors[1:])]
+    if not factors:
+        raise IdentificationError("there are no samples to compress; use another --split")
+    return factors[0].merged(*factors[1:]) if len(factors) > 1 else factors[0]
+
+
+def reference_triangle(
+    lib: Library, samples: Samples, weights: Array, sample_weights: Array | None
+) -> Array:
+    """Triangle (p + 1, p + 1) of samples by NumPy, from rows [F Y_b τ]: reference of the C code."""
+    rows = np.concatenate(
+        [samples.friction_rows(), samples.base_rows(lib), samples.tau[:, :, None]], axis=2
+    )
+    rows *= np.sqrt(weights)[:, None]
+    if sample_weights is not None:
+        rows *= np.sqrt(sample_weights)[:, None, None]
+    return joined(rows.reshape(1, -1, rows.shape[2]))
+
+
+class CompressedObjective:
+    """L(x) and ∇L(x) from compressed statistics: the cost does not depend on N."""
+
+    def __init__(self, whole: TorqueObjective, statistics: Statistics) -> None:
+        self.whole, self.statistics = whole, statistics
+
+    def value_gradient(self, x: Array) -> tuple[float, Array]:
+        """L and ∇L over all samples."""
+        lib, s = self.whole.lib, self.statistics
+        lam, phi = self.whole.split(x)
+        residual = s.residual(lib.pi_from_lam(lam), phi)
+        slope = s.factor.T @ residual / s.n_samples
+        n_lam = lib.pi_adjoint(lam, slope[: s.n_base] @ s.base_matrix)
+        n_phi = slope[s.n_base :] * self.whole.unit.ravel()
+        value = (residual @ residual + s.rest) / (2 * s.n_samples)
+        return float(value), np.concatenate([n_lam, n_phi])
+
+
+def _weights(name: str, values: Array, size: int) -> Array:
+    """Weights (size,) as finite numbers that are at least 0."""
+    weights = np.ascontiguousarray(values, dtype=float)
+    if weights.shape != (size,) or not (np.isfinite(weights) & (weights >= 0)).all():
+        raise IdentificationError(
+            f"expected {name} of shape ({size},), finite and at least 0, got shape "
+            f"{weights.shape}; use ones to weight all rows equally"
+        )
+    return weights

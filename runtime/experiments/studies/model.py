@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.estimators.regression.compression import TorqueObjective
+from runtime.estimators.regression.factor import TorqueObjective
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.experiments.study import Arrays, Row, Study, StudyOutcome, View
 from runtime.experiments.trials import designed, document_robot

@@ -16,9 +16,8 @@ from scipy.special import ndtri
 
 from runtime.common.tables import NOTHING, Table, number, percent
 from runtime.errors import RecordingError
-from runtime.identification.model_identity import FRAMES, differences
 from runtime.identification.result_record import FrictionPart, ResultRecord
-from runtime.identification.saved_result import SavedResult
+from runtime.identification.saved_result import FRAMES, SavedResult, differences
 from runtime.recording.row_marks import SAME, share_of_rows
 
 LEVEL = 0.05

@@ -27,15 +27,13 @@ from runtime.estimators.uncertainty import (
 from runtime.identification.free_base.drives import (
     COLUMNS,
     LATEST_S,
-    drives_of,
-    problem_of,
-    unit_noise,
-)
-from runtime.identification.free_base.noise import (
     RowNoise,
     VerticalForce,
+    drives_of,
     noise_of,
+    problem_of,
     rms,
+    unit_noise,
     vertical_force,
 )
 from runtime.identification.free_base.plausibility import (

@@ -15,8 +15,8 @@ from runtime.estimators.friction_bounds import OF
 from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.estimators.uncertainty import PRIOR_DOMINATED
+from runtime.identification.free_base.drives import rms
 from runtime.identification.free_base.identify import FreeBaseIdentification
-from runtime.identification.free_base.noise import rms
 from runtime.identification.free_base.rows import (
     DELAY,
     Drives,
@@ -24,7 +24,6 @@ from runtime.identification.free_base.rows import (
     rows_of,
     with_contact_states,
 )
-from runtime.identification.model_identity import model_part
 from runtime.identification.result_file import provenance_of, require_size, write_files
 from runtime.identification.result_record import (
     FORMAT,
@@ -42,7 +41,7 @@ from runtime.identification.result_record import (
     link_uncertainties,
     plain,
 )
-from runtime.identification.saved_result import SavedResult
+from runtime.identification.saved_result import SavedResult, model_part
 from runtime.library import Array, Library
 from runtime.library.manifest import file_units
 from runtime.library.parameters import N_PARAMETERS, links, mass

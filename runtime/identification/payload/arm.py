@@ -21,8 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
-from runtime.identification.model_identity import require_model
-from runtime.identification.saved_result import read_result
+from runtime.identification.saved_result import read_result, require_model
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction, Recording

@@ -30,8 +30,7 @@ import numpy as np
 
 from runtime.common.files import json_text, replacing
 from runtime.estimators.regression.samples import NORMAL_95
-from runtime.identification.payload.body import NAMES, Body, Payload
-from runtime.identification.payload.known import FORMAT
+from runtime.identification.payload.body import FORMAT, NAMES, Body, Payload
 from runtime.library import Array, Library
 
 VENDOR_FILES = (

@@ -11,6 +11,28 @@ Noise is what the residuals of a few seconds of a new unit cannot show: many unk
 rows too well, while residuals of long logs of other units show how large and how coloured the
 errors of the model are.
 Source: Patterson & Thompson 1971 for the restricted likelihood; Gelman 2006 for the uniform τ.
+
+The hierarchical prior of a fleet: centre of the type, spread of its units, and each unit.
+
+    A_u K π_u = b_u + N(0, 1),   p(π_u) ∝ exp(−κ D(P_u, P0)),   p(P0) ∝ exp(−κ_0 D(P0, P_URDF))
+    D(P, P0) = Σ_k [tr(P0_k⁻¹ P_k) − log det P_k + log det P0_k − 4]
+
+About P0 the prior of a unit is normal, π_u = π0 + R z with R Rᵀ = B⁻¹ the curvature of D and
+z ~ N(0, 1/κ). With H = K R this gives the marginal likelihood of κ and of P0 in closed form,
+
+    b_u − A_u K π0 ~ N(0, V_u),   V_u = 1 + A_u H Hᵀ A_uᵀ / κ,
+
+and T_u = rᵀ V_u⁻¹ r is χ² with n_b degrees of freedom for a unit of the type. The alternation of
+each unit's maximum a posteriori with the centre of all units then removes what the normal law
+neglects:
+
+    P_u = argmin ½ ‖A_u K π − b_u‖² + κ D(P, P0)          one convex problem per unit
+    P0 = argmin κ Σ_u D(P_u, X) + κ_0 D(X, P_URDF)        see `centre_of`
+
+This is the EM algorithm for P0 as far as a posterior mean is its mode. From the URDF it would be
+slow in directions that a log hardly determines; it begins at the centre of the normal law.
+Source: Lee, Wensing & Park 2019 (D); Dempster, Laird & Rubin 1977 (EM); Box 1980 for T; MacKay
+2003, Ch. 28, for the marginal likelihood.
 """
 
 import json
@@ -19,16 +41,276 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+from scipy.optimize import minimize_scalar
+from scipy.special import chdtrc, chdtri
 
 from runtime.common.files import replacing
-from runtime.errors import RuntimeFault
+from runtime.common.threads import cores
+from runtime.errors import IdentificationError, RuntimeFault
+from runtime.estimators.convex.compiled import solve, solve_many
+from runtime.estimators.convex.eliminate_friction import Reduced
+from runtime.estimators.convex.entropic_prior import CAD, Prior, prior_from, prior_of
+from runtime.estimators.convex.newton import convex_problem
 from runtime.estimators.prior_file import read_prior
 from runtime.estimators.problem import NoiseFloor
+from runtime.estimators.regression.posterior import posterior_of
 from runtime.library import Array, Library
-from runtime.library.parameters import PI_NAMES, links
+from runtime.library.parameters import N_PARAMETERS, PI_NAMES, links
 from runtime.monitoring.fleet.gather import Unit, common_columns
-from runtime.monitoring.fleet.hierarchy import LEAST_UNITS, FleetFit
 from runtime.recording.settings import WIDTHS, widths_of
+
+LEAST_UNITS = 3
+"""Smallest number of units: with two, a spread and an outlier cannot be distinguished."""
+ALPHA = 0.01
+"""Probability that a fleet without outliers has a unit that stands out."""
+LOWEST, HIGHEST = 0.5, 1e6
+"""Range of κ: units that differ by more than their size, and by 0.1 %."""
+WIDER = 40.0
+"""Spread of a link that departs from the type, over that of its units."""
+ROUNDS = 8
+"""Largest number of choices of the units that count."""
+PASSES = 4
+"""Largest number of passes."""
+STILL = 1e-3
+"""Step of the centre, as a standard deviation of a unit, below which the passes end."""
+
+
+@dataclass(frozen=True, slots=True)
+class FleetFit:
+    """Hierarchical prior of a type, and its units."""
+
+    centre: Array  # π0 of the type, (10 n,), P0_k ≻ 0
+    kappa: float  # κ, so that 1/√κ is the relative standard deviation of a unit from the centre
+    interval: tuple[float, float]  # 95 % interval of κ by the likelihood ratio
+    # κ of the prior of a new unit: the spread of the units and the error of the centre
+    trust: float
+    pi: Array  # most probable parameters of each unit, (U, 10 n)
+    statistic: Array  # T of each unit, (U,)
+    p_value: Array  # probability of a larger T, times the number of units, at most 1; (U,)
+    # whether a unit differs from its type by more than the spread, (U,)
+    stands_out: NDArray[np.bool_]
+    # link of each unit that stands out by which it differs; −1 for the others, (U,)
+    links: NDArray[np.int_]
+    covariance: Array  # of β of each unit, (U, n_b, n_b)
+
+
+def fit_fleet(lib: Library, units: Sequence[Unit], kappa_0: float = CAD) -> FleetFit:
+    """Centre, spread and units of a fleet."""
+    if len(units) < LEAST_UNITS:
+        raise IdentificationError(
+            f"expected statistics of at least {LEAST_UNITS} units, got {len(units)}; identify more "
+            "units with --settings save_statistics=true"
+        )
+    urdf = prior_of(lib)
+    A, b = np.stack([u.factor for u in units]), np.stack([u.target for u in units])
+    centre, kappa, interval = urdf.centre, CAD, (LOWEST, HIGHEST)
+    counted = np.ones(len(units), dtype=bool)
+    for k in range(ROUNDS):
+        view = _View(lib, urdf, A, b, centre)
+        # The first κ is that of the median unit, which outliers hardly move.
+        kappa, interval = (view.median(), interval) if k == 0 else view.likeliest(counted)
+        centre = view.centre(counted, kappa, kappa_0)
+        before = counted
+        view = _View(lib, urdf, A, b, centre)
+        counted = view.p_value(kappa) >= ALPHA
+        if counted.sum() < LEAST_UNITS:
+            counted = np.argsort(view.statistic(kappa)).argsort() < LEAST_UNITS
+        if k > 1 and (counted == before).all():
+            break
+    pi, centre = alternate(lib, urdf, (A, b), counted, (kappa, kappa_0), centre)
+    view = _View(lib, urdf, A, b, centre)
+    p_value, T = view.p_value(kappa), view.statistic(kappa)
+    out = p_value < ALPHA
+    links = np.full(len(units), -1)
+    # The parameters of a unit that stands out follow its data where it departs from the type.
+    for u in np.flatnonzero(out):
+        links[u] = view.link(int(u), kappa)
+        weights = np.full(lib.n_links, kappa)
+        weights[links[u]] /= WIDER**2
+        data = Reduced(np.ascontiguousarray(A[u] @ lib.base_matrix), b[u], 0.0, 1.0, 1.0)
+        pi[u] = solve(lib, convex_problem(data, prior_from(urdf.bodies, centre), weights)).pi
+    trust = view.trust(counted, kappa, kappa_0)
+    return FleetFit(
+        centre, kappa, interval, trust, pi, T, p_value, out, links, view.covariance(kappa)
+    )
+
+
+class _View:
+    """Units about a centre π0: residuals r_u = b_u − A_u K π0 in the eigenvectors of V_u."""
+
+    def __init__(self, lib: Library, urdf: Prior, A: Array, b: Array, centre: Array) -> None:
+        self.lib, self.urdf, self.A, self.b = lib, urdf, A, b
+        self.H = lib.base_matrix @ block_diag(*urdf.bodies.spread(centre))
+        AH = A @ self.H
+        self.values, self.vectors = np.linalg.eigh(AH @ np.swapaxes(AH, 1, 2))
+        self.values = np.maximum(self.values, 0.0)
+        rest = b - A @ (lib.base_matrix @ centre)
+        self.rest = np.einsum("uji,uj->ui", self.vectors, rest)
+
+    def statistic(self, kappa: float) -> Array:
+        """T of every unit, (U,)."""
+        return np.sum(self.rest**2 / (1 + self.values / kappa), axis=1)
+
+    def p_value(self, kappa: float) -> Array:
+        """Corrected p-value of every unit, (U,)."""
+        T = self.statistic(kappa)
+        return np.asarray(np.minimum(chdtrc(self.rest.shape[1], T) * len(T), 1.0))
+
+    def median(self) -> float:
+        """κ at which the median of T is that of χ²."""
+        goal = chdtri(self.rest.shape[1], 0.5)
+        low, high = np.log(LOWEST), np.log(HIGHEST)
+        for _ in range(60):
+            middle = (low + high) / 2
+            if np.median(self.statistic(float(np.exp(middle)))) < goal:
+                low = middle
+            else:
+                high = middle
+        return float(np.exp(low))
+
+    def likeliest(self, counted: NDArray[np.bool_]) -> tuple[float, tuple[float, float]]:
+        """κ of the largest marginal likelihood over the counted units, and its 95 % interval."""
+        values, square = self.values[counted], self.rest[counted] ** 2
+
+        def cost(log_kappa: float) -> float:
+            width = 1 + values * np.exp(-log_kappa)
+            return float(np.sum(square / width + np.log(width))) / 2
+
+        bounds = (np.log(LOWEST), np.log(HIGHEST))
+        best = float(minimize_scalar(cost, bounds=bounds, method="bounded").x)
+        limit = cost(best) + chdtri(1, 0.05) / 2
+        ends = []
+        for end in bounds:
+            inside, outside = best, end
+            for _ in range(40):
+                middle = (inside + outside) / 2
+                inside, outside = (middle, outside) if cost(middle) < limit else (inside, middle)
+            ends.append(float(np.exp(inside)))
+        return float(np.exp(best)), (ends[0], ends[1])
+
+    def _rows(self, counted: NDArray[np.bool_], kappa: float) -> Array:
+        """Triangle of V_u^-½ [A_u b_u] of the counted units, (n_b + 1, n_b + 1)."""
+        width = np.sqrt(1 + self.values[counted] / kappa)[:, :, None]
+        whole = np.concatenate([self.A[counted], self.b[counted][:, :, None]], axis=2)
+        rows = np.swapaxes(self.vectors[counted], 1, 2) @ whole / width
+        return np.asarray(np.linalg.qr(rows.reshape(-1, rows.shape[2]), mode="r"))
+
+    def centre(self, counted: NDArray[np.bool_], kappa: float, kappa_0: float) -> Array:
+        """Most probable centre of the type, (10 n,): the normal law of all units with the URDF."""
+        rows = self._rows(counted, kappa)
+        factor = np.ascontiguousarray(rows[:, :-1] @ self.lib.base_matrix)
+        data = Reduced(factor, np.ascontiguousarray(rows[:, -1]), 0.0, 1.0, 1.0)
+        return solve(self.lib, convex_problem(data, self.urdf, kappa_0)).pi
+
+    def trust(self, counted: NDArray[np.bool_], kappa: float, kappa_0: float) -> float:
+        """κ of a new unit: the mean of 1/(1/κ + e) over directions of β, e the error of P0 there.
+
+        Directions that no unit excites keep the error of the URDF; the mean of the precisions
+        weakens the prior there and keeps the information of the fleet in the other directions.
+        """
+        rows = self._rows(counted, kappa)[:, :-1]
+        around = self.urdf.bodies.spread(self.urdf.centre)
+        H = self.lib.base_matrix @ block_diag(*around) / np.sqrt(kappa_0)
+        root = posterior_of(rows, prior=H).root
+        # Share of every base direction of the prior's unit covariance H Hᵀ.
+        scaled = np.linalg.svd(np.linalg.lstsq(self.H, root, rcond=None)[0], compute_uv=False)
+        error = np.sort(scaled**2)[::-1][: len(self.H)]
+        return float(np.mean(1 / (1 / kappa + error)))
+
+    def covariance(self, kappa: float) -> Array:
+        """Covariance of β of every unit, (U, n_b, n_b)."""
+        prior = self.H @ self.H.T / kappa
+        seen = np.swapaxes(self.vectors, 1, 2) @ self.A @ prior
+        seen /= np.sqrt(1 + self.values / kappa)[:, :, None]
+        return np.asarray(prior - np.swapaxes(seen, 1, 2) @ seen)
+
+    def link(self, unit: int, kappa: float) -> int:
+        """Link whose departure from the type explains a unit best.
+
+        The likelihood of the unit where the spread of one link is `WIDER` times larger; a larger
+        spread of a link that explains nothing costs the determinant.
+        """
+        A, at = self.A[unit], self.vectors[unit]
+        rest = at @ self.rest[unit]
+        V = np.eye(len(A)) + A @ self.H @ self.H.T @ A.T / kappa
+        costs = []
+        for k in range(self.lib.n_links):
+            H = A @ self.H[:, k * N_PARAMETERS : (k + 1) * N_PARAMETERS] * WIDER
+            try:
+                lower = np.linalg.cholesky(V + H @ H.T / kappa)
+            except np.linalg.LinAlgError:
+                raise IdentificationError(
+                    f"the log of unit {unit + 1} has numbers of too many orders of magnitude to "
+                    "compare its links; inspect it, or leave the unit out"
+                ) from None
+            costs.append(
+                float(np.sum(np.linalg.solve(lower, rest) ** 2))
+                + 2 * float(np.log(np.diagonal(lower)).sum())
+            )
+        return int(np.argmin(costs))
+
+
+def alternate(
+    lib: Library,
+    urdf: Prior,
+    data: tuple[Array, Array],
+    counted: NDArray[np.bool_],
+    kappas: tuple[float, float],
+    centre: Array,
+) -> tuple[Array, Array]:
+    """Alternate each unit's maximum a posteriori with the centre of the units that count.
+
+    data (U, n_b, n_b), counted (U,), centre (10 n,) → (U, 10 n).
+    """
+    bodies, (kappa, kappa_0) = urdf.bodies, kappas
+    of_urdf = bodies.pseudo_inertia(urdf.centre)
+    factors = [np.ascontiguousarray(A @ lib.base_matrix) for A in data[0]]
+    starts: list[Array | None] = [None] * len(factors)
+    for _ in range(PASSES):
+        prior = prior_from(bodies, centre)
+        problems = [
+            convex_problem(Reduced(A, b, 0.0, 1.0, 1.0), prior, kappa)
+            for A, b in zip(factors, data[1], strict=True)
+        ]
+        minima = solve_many(lib, problems, starts, cores())
+        pi = np.stack([minimum.pi for minimum in minima])
+        starts = list(pi)
+        pseudo = bodies.pseudo_inertia(pi[counted]).reshape(int(counted.sum()), -1, 4, 4)
+        moved = bodies.pi_of(centre_of(pseudo, of_urdf, kappa, kappa_0)).ravel()
+        step, centre = _step(bodies.spread(centre), moved - centre), moved
+        if step * np.sqrt(kappa) < STILL:
+            break
+    return pi, centre
+
+
+def centre_of(pseudo: Array, urdf: Array, kappa: float, kappa_0: float) -> Array:
+    """Centre X of bodies, the minimiser of κ Σ_u D(P_u, X) + κ_0 D(X, P_URDF), in closed form.
+
+    Its slope is 0 where κ_0 X P⁻¹ X + (κ U − κ_0) X = κ Σ P_u, P of the URDF. With P = L Lᵀ,
+    X = L W Lᵀ this is κ_0 W² + (κ U − κ_0) W = L⁻¹ (κ Σ P_u) L⁻ᵀ, a quadratic equation of each
+    eigenvalue.
+
+    pseudo (U, n, 4, 4), urdf (n, 4, 4) → (n, 4, 4).
+    """
+    lower = np.linalg.cholesky(urdf)
+    inverse = np.linalg.inv(lower)
+    whole = inverse @ (kappa * pseudo.sum(axis=0)) @ np.swapaxes(inverse, 1, 2)
+    values, vectors = np.linalg.eigh((whole + np.swapaxes(whole, 1, 2)) / 2)
+    linear = kappa * len(pseudo) - kappa_0
+    # The root above 0, without the difference of two large numbers.
+    root = np.sqrt(linear**2 + 4 * kappa_0 * values)
+    solved = np.where(linear > 0, 2 * values / (linear + root), (root - linear) / (2 * kappa_0))
+    inner = (vectors * solved[:, None]) @ np.swapaxes(vectors, 1, 2)
+    return np.asarray(lower @ inner @ np.swapaxes(lower, 1, 2))
+
+
+def _step(spread: Array, change: Array) -> float:
+    """Largest length of a change of a link in units of the prior with κ = 1."""
+    links = change.reshape(-1, N_PARAMETERS, 1)
+    return float(np.linalg.norm(np.linalg.solve(spread, links), axis=1).max())
+
 
 GRID = 80
 """Values of τ, from 1/1000 of the smallest to the largest possible one."""

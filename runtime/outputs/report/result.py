@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from runtime.identification.predictions_file import read_predictions
 from runtime.identification.result_record import ResultRecord
 from runtime.identification.saved_result import read_record
+from runtime.identification.statistics_file import read_predictions
 from runtime.library import Array
 
 

@@ -16,7 +16,7 @@ from runtime.campaign.driver import Reference, Sample, Stop, Streamed
 from runtime.campaign.drivers.virtual import PlantedFault, VirtualDriver
 from runtime.campaign.gate import EMPTY_CELL, rehearsed, released
 from runtime.campaign.gear_friction import ArmModel
-from runtime.campaign.target import base_covariance, reached, target_of
+from runtime.campaign.shortest_session import base_covariance, reached, target_of
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.obstacles import Obstacle

@@ -25,7 +25,7 @@ from runtime.campaign.gear_friction import (
     slope_columns,
     smoothed,
 )
-from runtime.campaign.target import base_covariance
+from runtime.campaign.shortest_session import base_covariance
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
 from runtime.library import Library

@@ -10,7 +10,7 @@ import pytest
 
 from runtime.campaign.campaign import Plan, run_campaign
 from runtime.campaign.drivers.virtual import VirtualDriver
-from runtime.campaign.target import target_of
+from runtime.campaign.shortest_session import target_of
 from runtime.excitation import Trajectory
 from runtime.excitation.trajectory_file import write_motion
 from runtime.library import Library, load
@@ -20,7 +20,7 @@ KILLED = f"""
 import os, signal, sys
 from pathlib import Path
 from runtime.campaign.campaign import Plan, run_campaign
-from runtime.campaign.target import target_of
+from runtime.campaign.shortest_session import target_of
 from runtime.campaign.drivers.virtual import VirtualDriver
 from runtime.library import load
 

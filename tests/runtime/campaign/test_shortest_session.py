@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from runtime.campaign.shortest_session import _needed, shortest_session, size_of
-from runtime.campaign.target import target_of
+from runtime.campaign.shortest_session import _needed, shortest_session, size_of, target_of
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.entropic_prior import CAD, prior_of
 from runtime.excitation import Trajectory

@@ -12,7 +12,7 @@ from runtime.estimators.classical.least_squares import solve
 from runtime.estimators.friction_bounds import MOST, Bounds, Held, notes_of, within_bounds
 from runtime.estimators.regression.factor import Statistics
 from runtime.identification.identified import Identification, torque_errors
-from runtime.identification.result_warnings import warnings_of
+from runtime.identification.result_file import warnings_of
 from runtime.identification.several_logs import NamedLog
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library

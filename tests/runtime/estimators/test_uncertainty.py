@@ -9,7 +9,7 @@ from runtime.estimators.convex.entropic_prior import prior_of
 from runtime.estimators.convex.map_estimate import fit_map
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.coloured_noise import coloured_noise_of
-from runtime.estimators.regression.compression import compress
+from runtime.estimators.regression.factor import compress
 from runtime.estimators.regression.samples import (
     LAGS,
     Samples,

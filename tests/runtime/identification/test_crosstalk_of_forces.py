@@ -8,8 +8,8 @@ import pinocchio
 import pytest
 
 from runtime.errors import RuntimeFault
+from runtime.identification.free_base.drives import vertical_force
 from runtime.identification.free_base.identify import identify_free_base
-from runtime.identification.free_base.noise import vertical_force
 from runtime.identification.free_base.rows import contact_jacobian, contact_moments
 from runtime.library import Library
 from runtime.recording.free_base import FreeBaseRecording, free_base_of

@@ -12,8 +12,8 @@ from runtime.estimators.convex.eliminate_friction import reduce
 from runtime.estimators.convex.entropic_prior import prior_of
 from runtime.estimators.prior_file import read_prior
 from runtime.estimators.uncertainty import vague_posterior
+from runtime.identification.free_base.drives import _student
 from runtime.identification.free_base.identify import FreeBaseIdentification, identify_free_base
-from runtime.identification.free_base.noise import _student
 from runtime.identification.free_base.rows import (
     OFFSET_SIGMA,
     FreeBaseRows,

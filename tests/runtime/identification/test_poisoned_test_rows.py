@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from runtime import Recording
-from runtime.estimators.choice.cutoff_choice import choose_cutoff
 from runtime.estimators.choice.default_friction import choose_default_friction
 from runtime.estimators.choice.friction_choice import choose_friction
+from runtime.estimators.choice.regressor_choice import choose_cutoff
 from runtime.identification.identified import Identification
 from runtime.identification.several_logs import NamedLog
 from runtime.identification.single_log import identify_recording

@@ -19,8 +19,7 @@ from runtime.identification.expected_accuracy.planned_samples import (
 )
 from runtime.identification.identified import Identification, torque_errors
 from runtime.identification.metrics import torque_error
-from runtime.identification.result_file import write_result
-from runtime.identification.result_warnings import retraced
+from runtime.identification.result_file import retraced, write_result
 from runtime.identification.several_logs import NamedLog
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library

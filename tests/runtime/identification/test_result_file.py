@@ -9,7 +9,7 @@ import pytest
 
 from runtime import Identification, Recording
 from runtime.errors import RuntimeFault
-from runtime.estimators.regression.compression import compress
+from runtime.estimators.regression.factor import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification.identified import friction_error
 from runtime.identification.metrics import torque_error

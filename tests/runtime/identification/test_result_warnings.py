@@ -1,4 +1,4 @@
-"""result_warnings: what is said of an answer that deserves no trust, and of none that does."""
+"""result_file: what is said of an answer that deserves no trust, and of none that does."""
 
 import json
 from dataclasses import replace
@@ -9,7 +9,7 @@ import pytest
 
 from runtime import Identification, Recording, write_recording
 from runtime.identification.metrics import TorqueError
-from runtime.identification.result_warnings import warnings_of
+from runtime.identification.result_file import warnings_of
 from runtime.library import Library
 from tests.runtime.conftest import Command
 

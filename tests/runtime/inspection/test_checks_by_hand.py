@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from runtime.estimators.choice.cutoff_choice import CutoffCandidate, CutoffChoice
+from runtime.estimators.choice.regressor_choice import CutoffCandidate, CutoffChoice
 from runtime.estimators.contradictions import sentence_of
 from runtime.estimators.regression.causes import Cause, Causes
 from runtime.estimators.regression.recorded_delay import DelayProfile, RecordedDelay

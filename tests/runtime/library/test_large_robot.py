@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from runtime.errors import LibraryError
-from runtime.estimators.regression.compression import compress
+from runtime.estimators.regression.factor import compress
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Library, load
 from symgen.catalogue import omitted

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime.campaign.target import target_of
+from runtime.campaign.shortest_session import target_of
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.constraints import constraints

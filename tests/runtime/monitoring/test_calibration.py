@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 from runtime.monitoring.calibration import PEAKS, Tail, fitted, peaks_of
-from runtime.monitoring.false_alarms import levels
+from runtime.monitoring.noise import levels
 from runtime.monitoring.observer import contacts_of
 from tests.runtime.conftest import Command
 from tests.runtime.monitoring.conftest import Monitored

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from runtime import Recording, write_recording
-from runtime.estimators.regression.nuisance import SHAPES
+from runtime.estimators.regression.model_error import SHAPES
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
 from runtime.identification.identified import torque_of

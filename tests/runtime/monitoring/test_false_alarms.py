@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from runtime.errors import IdentificationError
-from runtime.monitoring.false_alarms import alarm_rate, crossing_rate, levels, rate_by_stretches
+from runtime.monitoring.noise import alarm_rate, crossing_rate, levels, rate_by_stretches
 
 
 @pytest.mark.parametrize("correlation", [0.0, 0.5, 0.9])

@@ -11,9 +11,15 @@ from runtime.errors import IdentificationError
 from runtime.estimators.convex.entropic_prior import prior_of
 from runtime.library import Library
 from runtime.library.parameters import links, mass
-from runtime.monitoring.fleet.fleet_prior import fit_friction, fit_noise, random_effects
+from runtime.monitoring.fleet.fleet_prior import (
+    _View,
+    centre_of,
+    fit_fleet,
+    fit_friction,
+    fit_noise,
+    random_effects,
+)
 from runtime.monitoring.fleet.gather import unit_of
-from runtime.monitoring.fleet.hierarchy import _View, centre_of, fit_fleet
 from runtime.simulation.virtual_robot import perturbed
 from tests.runtime.monitoring.virtual_units import (
     COULOMB,

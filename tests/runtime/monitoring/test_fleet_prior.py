@@ -15,8 +15,7 @@ from runtime.estimators.regression.coloured_noise import ColouredNoise
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.library.parameters import links, mass
-from runtime.monitoring.fleet.fleet_prior import fit_friction, prior_text, write_prior
-from runtime.monitoring.fleet.hierarchy import fit_fleet
+from runtime.monitoring.fleet.fleet_prior import fit_fleet, fit_friction, prior_text, write_prior
 from runtime.recording import Preparation
 from tests.runtime.monitoring.virtual_units import TERMS, Fleet
 

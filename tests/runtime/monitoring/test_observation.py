@@ -10,18 +10,23 @@ import pytest
 
 from runtime import Recording, write_recording
 from runtime.library import Library
-from runtime.monitoring.false_alarms import AlarmRate
 from runtime.monitoring.model import MonitoredModel, model_of
-from runtime.monitoring.noise import ObserverNoise, _fast, noise_of_observer, read_held_out
+from runtime.monitoring.noise import (
+    AlarmRate,
+    ObserverNoise,
+    _fast,
+    noise_of_observer,
+    read_held_out,
+)
 from runtime.monitoring.observation import (
     Detector,
     both_torques,
     observation_of,
     signals_of,
     slow_speeds,
+    usual_torque,
 )
 from runtime.monitoring.observer import ObserverSettings, contacts_of, wrench_at
-from runtime.monitoring.session import usual_torque
 from runtime.recording import Friction, Preparation
 from tests.oracle import pinocchio_model
 from tests.runtime.conftest import Command

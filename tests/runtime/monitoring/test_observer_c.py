@@ -11,9 +11,8 @@ import pytest
 from runtime import Recording
 from runtime.errors import ExportError
 from runtime.library import Library
-from runtime.monitoring.false_alarms import alarm_rate
 from runtime.monitoring.model import model_of
-from runtime.monitoring.noise import read_held_out
+from runtime.monitoring.noise import alarm_rate, read_held_out
 from runtime.monitoring.observation import Detector, detector_for, observe, prepared_for
 from runtime.monitoring.observer import ObserverSettings
 from runtime.outputs.observer_c import observer_c

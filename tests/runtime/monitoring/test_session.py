@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from runtime.monitoring.session import BLOCK_S, DRY, HOLD_BLOCKS, VISCOUS, usual_torque
+from runtime.monitoring.observation import BLOCK_S, DRY, HOLD_BLOCKS, VISCOUS, usual_torque
 
 RATE_HZ, SIGMA = 100.0, 0.3
 

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from runtime import Recording
-from runtime.estimators.regression.compression import compress
+from runtime.estimators.regression.factor import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification.statistics_file import UnitStatistics
 from runtime.library import Library

@@ -12,7 +12,7 @@ from runtime.errors import IdentificationError, RecordingError, RuntimeFault
 from runtime.estimators.prior_file import read_prior
 from runtime.experiments.report.reading import is_drawable
 from runtime.experiments.storage import read_rows
-from runtime.identification.payload.known import read_known_payload
+from runtime.identification.payload.body import read_known_payload
 from runtime.identification.saved_result import read_result
 from runtime.library import Library, load
 from runtime.recording import Recording, read_recording

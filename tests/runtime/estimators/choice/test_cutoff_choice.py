@@ -1,4 +1,4 @@
-"""cutoff_choice: the cut-off that predicts the unfiltered torque, and the delay of a torque."""
+"""regressor_choice: the cut-off that predicts the unfiltered torque, and the delay of a torque."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import pytest
 
 from runtime import Recording
 from runtime.errors import IdentificationError, RecordingError
-from runtime.estimators.choice.cutoff_choice import CANDIDATES, choose_cutoff
+from runtime.estimators.choice.regressor_choice import CANDIDATES, choose_cutoff
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recipe
 from runtime.recording.preprocessing import prepare
@@ -61,7 +61,7 @@ def test_a_wide_band_wins_nothing_by_itself(lib: Library, noisy: Recording) -> N
 
 def test_cutoff_is_the_one_that_finds_the_truth(lib: Library, noisy: Recording, pi_true) -> None:
     """Oracle: base parameters fitted at the choice err less than at both ends of the candidates."""
-    from runtime.estimators.regression.compression import compress
+    from runtime.estimators.regression.factor import compress
     from runtime.estimators.regression.samples import samples_of
 
     recording = _noisy(noisy, 3e-4)

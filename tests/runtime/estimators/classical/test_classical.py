@@ -11,8 +11,7 @@ from runtime.errors import IdentificationError
 from runtime.estimators.classical.least_squares import fit_ols
 from runtime.estimators.classical.pc_ols import SLACK, ConvexOptimum, convex_optimum, fit_pc_ols
 from runtime.estimators.problem import Problem, best_friction
-from runtime.estimators.regression.compression import compress
-from runtime.estimators.regression.factor import Statistics
+from runtime.estimators.regression.factor import Statistics, compress
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library

@@ -12,7 +12,7 @@ from runtime.estimators.convex.entropic_prior import CAD, prior_of
 from runtime.estimators.convex.map_estimate import fit_map
 from runtime.estimators.convex.newton import convex_problem, minimise
 from runtime.estimators.problem import Problem
-from runtime.estimators.regression.compression import compress
+from runtime.estimators.regression.factor import compress
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Library
 from tests.runtime.estimators.convex.paths import follow

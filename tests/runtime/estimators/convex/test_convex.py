@@ -18,8 +18,7 @@ from runtime.estimators.convex.entropic_prior import (
 from runtime.estimators.convex.newton import HalfSpaces, Subspace, _solved, convex_problem, minimise
 from runtime.estimators.convex.prior_agreement import prior_test
 from runtime.estimators.prior_file import prior_about
-from runtime.estimators.regression.compression import compress
-from runtime.estimators.regression.factor import Statistics
+from runtime.estimators.regression.factor import Statistics, compress
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Library
 from tests.runtime.estimators.convex.paths import follow

@@ -11,7 +11,7 @@ from runtime.estimators.descent.descent import Descent, descent_of, levenberg_de
 from runtime.estimators.descent.fit import fit_adam, fit_levenberg, fit_many
 from runtime.estimators.optimizers import AdamOptions, LevenbergOptions, Status, StoppingRule
 from runtime.estimators.problem import Problem
-from runtime.estimators.regression.compression import TorqueObjective
+from runtime.estimators.regression.factor import TorqueObjective
 from runtime.estimators.regression.samples import Samples, thesis_weights
 from runtime.library import Library, load
 from runtime.library.compiled_descent import CompiledAdam, CompiledLevenberg

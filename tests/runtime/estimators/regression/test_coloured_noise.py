@@ -13,7 +13,7 @@ from runtime.estimators.regression.coloured_noise import (
     coloured_noise_of,
     coloured_noise_of_rows,
 )
-from runtime.estimators.regression.compression import compress
+from runtime.estimators.regression.factor import compress
 from runtime.estimators.regression.samples import (
     Samples,
     autocorrelation,

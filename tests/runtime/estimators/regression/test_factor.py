@@ -10,9 +10,13 @@ import pytest
 
 from runtime.common.compiler import find_compiler, machine
 from runtime.errors import IdentificationError
-from runtime.estimators.regression import compression
-from runtime.estimators.regression.compression import compress, compress_all, reference_triangle
-from runtime.estimators.regression.factor import Statistics
+from runtime.estimators.regression import factor
+from runtime.estimators.regression.factor import (
+    Statistics,
+    compress,
+    compress_all,
+    reference_triangle,
+)
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Library, load
 from tests.robots import levels_here
@@ -167,7 +171,7 @@ def test_forgetting_scales_the_past(lib: Library) -> None:
 
 def test_threads_change_nothing(lib: Library, monkeypatch: pytest.MonkeyPatch) -> None:
     """Property: bit by bit the same for any number of threads; blocks are those of all samples."""
-    monkeypatch.setattr(compression, "BLOCK", 64)
+    monkeypatch.setattr(factor, "BLOCK", 64)
     s, weights = drawn(lib, 1000, 1), np.ones(7)
     one, two, five = (compress(lib, s, weights, threads=t).triangle() for t in (1, 2, 5))
     assert np.array_equal(one, two)
@@ -253,7 +257,7 @@ def test_sources_are_clean_under_strict_warnings(any_robot, tmp_path, name, sour
     assert run.returncode == 0, run.stderr[:2000]
 
 
-@pytest.mark.parametrize("count", [1, 2, compression.TOGETHER, compression.TOGETHER + 2])
+@pytest.mark.parametrize("count", [1, 2, factor.TOGETHER, factor.TOGETHER + 2])
 def test_pieces_are_compressed_as_one_log(any_robot, count: int) -> None:
     """Property: Gram matrix, right-hand side and power of all pieces, however many."""
     lib = any_robot("tiny")

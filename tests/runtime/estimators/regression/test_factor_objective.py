@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 
 from runtime import Recording
-from runtime.estimators.regression.compression import CompressedObjective, TorqueObjective, compress
-from runtime.estimators.regression.factor import joined
+from runtime.estimators.regression.factor import (
+    CompressedObjective,
+    TorqueObjective,
+    compress,
+    joined,
+)
 from runtime.estimators.regression.samples import samples_of, thesis_weights
 from runtime.library import Library
 from runtime.recording import Friction

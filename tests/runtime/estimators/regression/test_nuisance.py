@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from runtime.estimators.regression import model_error
-from runtime.estimators.regression.nuisance import (
+from runtime.estimators.regression.model_error import (
     SHAPES,
     SLOW,
     common_size,

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from runtime.estimators.regression import compression
-from runtime.estimators.regression.compression import compress
+from runtime.estimators.regression import factor
+from runtime.estimators.regression.factor import compress
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Library, load
 from tests.robots import levels_here
@@ -172,7 +172,7 @@ def test_short_logs_are_eliminated(lib: Library) -> None:
 
 def test_later_blocks_follow_the_first(lib: Library, monkeypatch: pytest.MonkeyPatch) -> None:
     """Property: where no block may be multiplied, later ones do not try; threads change nothing."""
-    monkeypatch.setattr(compression, "BLOCK", 100)
+    monkeypatch.setattr(factor, "BLOCK", 100)
     calls: list[tuple[bool, int]] = []
     plain = lib.compiled_statistics
     assert plain is not None

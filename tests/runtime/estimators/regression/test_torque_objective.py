@@ -5,7 +5,7 @@ import pytest
 
 from runtime import Recording
 from runtime.errors import IdentificationError
-from runtime.estimators.regression.compression import TorqueObjective, friction_unit
+from runtime.estimators.regression.factor import TorqueObjective, friction_unit
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.library import Library
 from runtime.recording import Friction

@@ -14,8 +14,7 @@ import pytest
 
 from runtime import Recording
 from runtime.errors import RecordingError
-from runtime.estimators.regression.compression import compress, compress_all
-from runtime.estimators.regression.factor import Statistics
+from runtime.estimators.regression.factor import Statistics, compress, compress_all
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification import long_logs as blocks
 from runtime.identification import long_logs as passes

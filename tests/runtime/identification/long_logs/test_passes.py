@@ -9,8 +9,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from runtime.estimators.regression import compression
-from runtime.estimators.regression.compression import compress, compress_all
+from runtime.estimators.regression import factor
+from runtime.estimators.regression.factor import compress, compress_all
 from runtime.estimators.regression.samples import Samples
 from runtime.identification import long_logs as blocks
 from runtime.identification import long_logs as passes
@@ -73,8 +73,8 @@ def test_pieces_are_compressed_beside_each_other(lib, monkeypatch):
         held[0] -= 1
         return factor
 
-    monkeypatch.setattr(compression, "cores", lambda: 3)
-    monkeypatch.setattr(compression, "compress", traced)
+    monkeypatch.setattr(factor, "cores", lambda: 3)
+    monkeypatch.setattr(factor, "compress", traced)
     result = compress_all(lib, pieces(), weights)
     first = parts[0].merged(*parts[1:16])
     expected = first.merged(*parts[16:])

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from runtime.identification.payload.known import read_known_payload
+from runtime.identification.payload.body import read_known_payload
 
 
 @pytest.mark.parametrize(("facts", "identified"), [({}, False), ({"sigma": [0.01]}, True)])

@@ -5,7 +5,7 @@ import pytest
 
 from runtime import Recording, write_recording
 from runtime.errors import RuntimeFault
-from runtime.identification.payload.known import KnownPayload, read_known_payload
+from runtime.identification.payload.body import KnownPayload, read_known_payload
 from runtime.identification.sensor_gains import identify_gains
 from runtime.recording import Friction, Recipe
 from tests.runtime.identification.sensor_gains.weighed import BODY, COM, NOISE, TERMS, measured

@@ -8,8 +8,12 @@ from scipy import signal
 
 from runtime import read_recording, write_recording
 from runtime.errors import RuntimeFault
-from runtime.identification.payload.body import mount_of, pi_of_body
-from runtime.identification.payload.known import KnownPayload, read_known_payload
+from runtime.identification.payload.body import (
+    KnownPayload,
+    mount_of,
+    pi_of_body,
+    read_known_payload,
+)
 from runtime.identification.sensor_gains import identify_gains, linear, problem_of, reduced, solve
 from runtime.recording import Friction, Recipe
 from runtime.recording.reader import plan_of

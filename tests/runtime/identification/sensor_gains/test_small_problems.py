@@ -6,8 +6,7 @@ import pytest
 from runtime.errors import RuntimeFault
 from runtime.estimators.regression.coloured_noise import ColouredNoise
 from runtime.identification import sensor_gains as estimate
-from runtime.identification.payload.body import mount_of, pi_of_body
-from runtime.identification.payload.known import KnownPayload
+from runtime.identification.payload.body import KnownPayload, mount_of, pi_of_body
 from runtime.identification.sensor_gains import (
     _common,
     _percent,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from runtime.identification.payload.known import KnownPayload
+from runtime.identification.payload.body import KnownPayload
 from runtime.recording import Friction
 
 GAINS = np.array([1.05, 0.97, 1.02, 0.93, 1.1, 0.95, 1.03])

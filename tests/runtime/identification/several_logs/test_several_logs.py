@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from runtime.errors import IdentificationError, RecordingError
-from runtime.identification.payload.known import read_known_payload
+from runtime.identification.payload.body import read_known_payload
 from runtime.identification.result_file import write_result
 from runtime.identification.several_logs import NamedLog, joined, read_carried
 from runtime.identification.single_log import identify_recording

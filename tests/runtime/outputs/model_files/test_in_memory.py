@@ -10,9 +10,8 @@ import pytest
 
 import runtime
 from runtime.errors import ExportError, RuntimeFault
-from runtime.identification.model_identity import model_part
 from runtime.identification.result_record import ResultRecord
-from runtime.identification.saved_result import SavedResult, migrated
+from runtime.identification.saved_result import SavedResult, migrated, model_part
 from runtime.library import Library, to_pinocchio_order
 from runtime.recording import Friction, Preparation
 from tests.runtime import pages

@@ -8,7 +8,7 @@ import pytest
 from runtime import Recording
 from runtime.errors import RecordingError
 from runtime.estimators.classical.least_squares import counted_in_links
-from runtime.estimators.regression.compression import CompressedObjective, TorqueObjective, compress
+from runtime.estimators.regression.factor import CompressedObjective, TorqueObjective, compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification import metrics
 from runtime.identification.single_log import identify_recording

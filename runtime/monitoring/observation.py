@@ -33,6 +33,7 @@ bias, and θ starts again. It starts in `START_BLOCKS` blocks, of which the last
 no contact is found in them.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,7 +41,7 @@ from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
-from runtime.monitoring.model import CHUNK, NO_SIGNALS, SLOW, MonitoredModel
+from runtime.monitoring.model import CHUNK, SLOW, MonitoredModel
 from runtime.monitoring.model import Signals as FurtherSignals
 from runtime.monitoring.noise import (
     REVERSAL_S,
@@ -57,7 +58,6 @@ from runtime.monitoring.observer import (
     ObserverSettings,
     averaged,
     contacts_of,
-    external_torque,
     external_torques,
     observer_settings,
     window_mean,
@@ -233,10 +233,10 @@ def detector_for(
         within_s = max(WITHIN_S, LEAST_SAMPLES / recording.rate_hz)
     count = int(np.searchsorted(recording.t, recording.t[0] + EXCERPT_S)) or 1
     part = recording.take(slice(0, count), "Took an excerpt.")
-    signals = part.t, part.q, part.required("dq"), part.required("tau"), _further(part, model)
+    motion = part.q, part.required("dq"), part.required("tau")
     choices = []
     for settings in candidates(part.rate_hz, within_s):
-        r = external_torque(lib, model, settings, *signals)
+        (r,) = external_torques(lib, model, settings, part.t, motion, _further(part, model))
         noise = noise_of_observer(settings, held_out, part.t, r)
         z = levels(rate.per_second, noise.correlation, settings.rate_hz)
         choices.append(Detector(model, settings, within_s, rate, noise, z, root))
@@ -276,18 +276,13 @@ def signals_of(
             f"expected a log at {s.rate_hz:g} Hz, for which the observer was made, got "
             f"{recording.rate_hz:g} Hz; give logs of one rate"
         )
-    t, q = recording.t, recording.q
-    dq, tau = recording.required("dq"), recording.required("tau")
     first, direct, features = torques or both_torques(lib, model, s, recording)
     r = np.where(detector.is_direct, direct, first)
-    band, extra = state_terms(
-        lib, model, s, detector.root, t, q, dq, tau, _further(recording, model)
-    )
-    rest = at_rest(lib, model, s, t, q, dq)
+    band, extra, rest = state_terms(lib, model, s, detector.root, recording)
     sigma = detector.noise.sigma
     usual, variance = usual_torque(r, features, sigma, s.rate_hz)
     known = np.sqrt(band**2 + variance)
-    return Signals(t, r - usual, np.sqrt(sigma**2 + known**2), band, known, extra, rest)
+    return Signals(recording.t, r - usual, np.sqrt(sigma**2 + known**2), band, known, extra, rest)
 
 
 def both_torques(
@@ -297,13 +292,26 @@ def both_torques(
 
     The features (N, n, 3) are what differs between sessions, at the means of the window.
     """
-    t, q = recording.t, recording.q
-    dq, tau = recording.required("dq"), recording.required("tau")
-    further = _further(recording, model)
-    overs = 1, direct_steps(s.rate_hz)
-    r, direct = external_torques(lib, model, s, t, (q, dq, tau), further, overs)
-    features = _features(lib, model, s, t, q, dq, further)
+    motion = recording.q, recording.required("dq"), recording.required("tau")
+    further, overs = _further(recording, model), (1, direct_steps(s.rate_hz))
+    r, direct = external_torques(lib, model, s, recording.t, motion, further, overs)
+    features = np.zeros((*r.shape, 3))
+    for rows, q, dq, _, signals in _windows(model, s, recording):
+        features[rows] = model.session_features(lib, q, dq, signals=signals)
     return r, np.where(np.isfinite(r), direct, np.nan), features
+
+
+def _windows(
+    model: MonitoredModel, s: ObserverSettings, recording: Recording
+) -> Iterator[tuple[slice, Array, Array, Array, FurtherSignals]]:
+    """Rows of every segment with a whole window, and its means of q, dq, τ and further signals."""
+    motion = recording.q, recording.required("dq"), recording.required("tau")
+    further = _further(recording, model)
+    for part in segments(recording.t):
+        if part.stop - part.start > s.steps + 1:
+            means = averaged(s, *(each[part] for each in motion))
+            signals = {key: window_mean(s, values[part]) for key, values in further.items()}
+            yield slice(part.start + s.steps, part.stop), *means, signals
 
 
 def unknown_dry_friction(lib: Library, model: MonitoredModel) -> Array:
@@ -322,44 +330,9 @@ def slow_speeds(lib: Library, model: MonitoredModel) -> Array:
     return np.where(is_known, SLOW * model.terms.coulomb_speed, SLOWEST * rest_speeds(lib))
 
 
-def at_rest(
-    lib: Library, model: MonitoredModel, s: ObserverSettings, t: Array, q: Array, dq: Array
-) -> Array:
-    """Unknown dry friction while a joint rests and shortly after, (N, n) [N·m, N]."""
-    rest, size = np.zeros_like(q), unknown_dry_friction(lib, model)
-    slowest = slow_speeds(lib, model)
-    if size.any():
-        for part in segments(t):
-            if part.stop - part.start > s.steps + 1:
-                _, speed, _ = averaged(s, q[part], dq[part], q[part])
-                is_slow = np.abs(speed) < slowest
-                rest[part][s.steps :] = near(t[part][s.steps :], is_slow, 0.0, REVERSAL_S) * size
-    return rest
-
-
 def direct_steps(rate_hz: float) -> int:
     """Steps over which the direct torque takes the rate of the momentum."""
     return max(round(DIRECT_S * rate_hz), 1)
-
-
-def _features(
-    lib: Library,
-    model: MonitoredModel,
-    s: ObserverSettings,
-    t: Array,
-    q: Array,
-    dq: Array,
-    signals: FurtherSignals,
-) -> Array:
-    """What a session scales, at the means of the window, (N, n, 3)."""
-    features = np.zeros((*q.shape, 3))
-    for part in segments(t):
-        if part.stop - part.start > s.steps + 1:
-            position, speed, _ = averaged(s, q[part], dq[part], q[part])
-            further = {key: window_mean(s, values[part]) for key, values in signals.items()}
-            known = model.session_features(lib, position, speed, signals=further)
-            features[part][s.steps :] = known
-    return features
 
 
 def observe(lib: Library, detector: Detector, recording: Recording) -> Observation:
@@ -408,32 +381,26 @@ def state_terms(
     model: MonitoredModel,
     s: ObserverSettings,
     root: Array | None,
-    t: Array,
-    q: Array,
-    dq: Array,
-    tau: Array,
-    signals: FurtherSignals = NO_SIGNALS,
-) -> tuple[Array, Array]:
-    """Band of the model, and dry friction with timing.
+    recording: Recording,
+) -> tuple[Array, Array, Array]:
+    """Band of the model, dry friction with timing, and unknown dry friction of resting joints.
 
-    root (p, columns) [β; φ], t (N,) [s], q (N, n) [rad, m], dq (N, n) [rad/s, m/s], tau (N, n)
-    [N·m, N], signals that the columns need → (N, n) [N·m, N].
+    root (p, columns) [β; φ] → (N, n) [N·m, N].
     """
-    band, extra = np.zeros_like(q), np.zeros_like(q)
-    for part in segments(t):
-        if part.stop - part.start <= s.steps + 1:
-            continue
-        position, speed, torque = averaged(s, q[part], dq[part], tau[part])
+    band, extra, rest = (np.zeros_like(recording.q) for _ in range(3))
+    unknown, slowest = unknown_dry_friction(lib, model), slow_speeds(lib, model)
+    for rows, position, speed, torque, signals in _windows(model, s, recording):
+        t = recording.t[rows]
         if root is not None:
-            further = {key: window_mean(s, values[part]) for key, values in signals.items()}
-            band[part][s.steps :] = _band(lib, model, s, root, position, speed, further)
-        slow = near(t[part][s.steps :], model.is_slow(speed), 0.0, REVERSAL_S)
-        extra[part][s.steps :] = slow * (2 * model.dry_friction)
+            band[rows] = _band(lib, model, s, root, position, speed, signals)
+        if unknown.any():
+            rest[rows] = near(t, np.abs(speed) < slowest, 0.0, REVERSAL_S) * unknown
+        slow = near(t, model.is_slow(speed), 0.0, REVERSAL_S)
         travel = np.abs(np.diff(position, axis=0, prepend=position[:1])).cumsum(axis=0)
-        extra[part][s.steps :] += model.unknown_state(travel)
+        extra[rows] = slow * (2 * model.dry_friction) + model.unknown_state(travel)
         lag = max(s.steps, SLOPE_STEPS)
-        extra[part][s.steps + lag :] += np.abs(torque[lag:] - torque[:-lag]) / lag
-    return band, extra
+        extra[rows][lag:] += np.abs(torque[lag:] - torque[:-lag]) / lag
+    return band, extra, rest
 
 
 def _band(

@@ -245,67 +245,38 @@ def window_mean(settings: ObserverSettings, values: Array) -> Array:
     return np.asarray((sums[steps:] - sums[:-steps]) / steps)
 
 
-def external_torque(
-    lib: Library,
-    model: MonitoredModel,
-    settings: ObserverSettings,
-    t: Array,
-    q: Array,
-    dq: Array,
-    tau: Array,
-    signals: Signals = NO_SIGNALS,
-) -> Array:
-    """r of a whole log; the observer starts again after each hole of the clock.
-
-    t (N,) [s], q (N, n) [rad, m], dq (N, n) [rad/s, m/s], tau (N, n) [N·m, N], signals that the
-    columns need → (N, n) [N·m, N].
-    """
-    return external_torques(lib, model, settings, t, (q, dq, tau), signals, (1,))[0]
-
-
 def external_torques(
     lib: Library,
     model: MonitoredModel,
     settings: ObserverSettings,
     t: Array,
     motion: tuple[Array, Array, Array],
-    signals: Signals,
-    overs: tuple[int, ...],
+    signals: Signals = NO_SIGNALS,
+    overs: tuple[int, ...] = (1,),
 ) -> tuple[Array, ...]:
-    """r from q, dq and τ for one step; for more, dp/dt − u over them, not low-passed."""
+    """r of a whole log for one step; for more, dp/dt − u over them, not low-passed.
+
+    The observer starts again after each hole of the clock. t (N,) [s], motion q [rad, m], dq
+    [rad/s, m/s] and τ [N·m, N], (N, n) each, signals that the columns need → (N, n) [N·m, N].
+    """
+    steps, decay = settings.steps, settings.decay
     result = tuple(np.full_like(motion[0], np.nan) for _ in overs)
     for part in segments(t):
-        if part.stop - part.start > settings.steps + max(overs):
-            further = {key: values[part] for key, values in signals.items()}
-            q, dq, tau = (each[part] for each in motion)
-            values = _segment(lib, model, settings, (q, dq, tau), further, overs)
-            for r, over, value in zip(result, overs, values, strict=True):
-                r[part][settings.steps + over :] = value
-    return result
-
-
-def _segment(
-    lib: Library,
-    model: MonitoredModel,
-    s: ObserverSettings,
-    motion: tuple[Array, Array, Array],
-    signals: Signals,
-    overs: tuple[int, ...],
-) -> list[Array]:
-    """r of one segment without the first samples, from its q, dq and τ."""
-    position, speed, torque = averaged(s, *motion)
-    further = {key: window_mean(s, values) for key, values in signals.items()}
-    p, force = model.balance(lib, position, speed, signals=further)
-    rate = torque + force
-    shown = []
-    for over in overs:
-        change = (p[over:] - p[:-over]) * (s.rate_hz / over)
-        if over > 1:
-            shown.append(change - (motion[2][s.steps + over :] + force[over:]))
+        if part.stop - part.start <= steps + max(overs):
             continue
-        w = change - (rate[1:] + rate[:-1]) / 2
-        shown.append(scipy_signal().lfilter([1 - s.decay], [1, -s.decay], w, axis=0))
-    return shown
+        further = {key: window_mean(settings, values[part]) for key, values in signals.items()}
+        position, speed, torque = averaged(settings, *(each[part] for each in motion))
+        p, force = model.balance(lib, position, speed, signals=further)
+        rate = torque + force
+        for r, over in zip(result, overs, strict=True):
+            change = (p[over:] - p[:-over]) * (settings.rate_hz / over)
+            if over > 1:
+                value = change - (motion[2][part][steps + over :] + force[over:])
+            else:
+                w = change - (rate[1:] + rate[:-1]) / 2
+                value = scipy_signal().lfilter([1 - decay], [1, -decay], w, axis=0)
+            r[part][steps + over :] = value
+    return result
 
 
 LENGTH = 0.1

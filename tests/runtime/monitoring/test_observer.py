@@ -9,7 +9,7 @@ from runtime.errors import IdentificationError
 from runtime.identification.identified import Identification
 from runtime.library import Library
 from runtime.monitoring.model import model_of
-from runtime.monitoring.observer import ObserverSettings, external_torque, observer_settings
+from runtime.monitoring.observer import ObserverSettings, external_torques, observer_settings
 from runtime.recording import Friction
 from tests.oracle import pinocchio_model, with_parameters
 from tests.runtime.monitoring.conftest import Monitored
@@ -75,7 +75,8 @@ def test_a_log_and_its_samples_give_the_same(
     """Property: the program for logs and the one for samples differ by rounding only."""
     settings = ObserverSettings(RATE, 150.0, steps, velocity)
     model = model_of(monitored.result, lib)
-    whole = external_torque(lib, model, settings, moving.t, moving.q, moving.dq, moving.tau)
+    motion = moving.q, moving.dq, moving.tau
+    (whole,) = external_torques(lib, model, settings, moving.t, motion)
     observer = Observer(
         lib,
         monitored.result,
@@ -103,7 +104,8 @@ def test_r_follows_a_step_of_the_environment(
     pushed[start:, 2] = 5.0
     settings = ObserverSettings(100.0, 20.0)
     model = model_of(exact, lib)
-    r = external_torque(lib, model, settings, run.t, run.q, run.dq, run.tau - pushed)
+    motion = run.q, run.dq, run.tau - pushed
+    (r,) = external_torques(lib, model, settings, run.t, motion)
     # 100 Hz: trapezoids of a motion with 3 Hz leave some 10 mN·m.
     assert np.abs(r[start + 60 :, 2] - 5.0).max() < 0.05
     assert np.abs(np.delete(r, 2, axis=1)[1:]).max() < 0.05
@@ -180,8 +182,8 @@ def test_friction_with_a_memory_follows_the_path(lib: Library, monitored: Monito
         observer = Observer(lib, model, rate_hz=RATE)
         r.append(np.array([observer.update(*rows) for rows in zip(q, dq, torque, strict=True)]))
     settings = ObserverSettings(RATE)
-    log = t, q, dq, tau + 0.5 * zeta
-    whole = external_torque(lib, model_of(with_memory, lib), settings, *log)
+    motion, known = (q, dq, tau + 0.5 * zeta), model_of(with_memory, lib)
+    (whole,) = external_torques(lib, known, settings, t, motion)
     np.testing.assert_allclose(r[0], r[1], atol=2e-3)
     np.testing.assert_allclose(whole[1:], r[0][1:], atol=1e-8)
     observer.reset()

@@ -13,7 +13,8 @@ from bench.front import Sheet, sheet_of
 from bench.same_results_inputs import DRIVER_HZ, icub_arrays
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.free_base.drives import VerticalForce, vertical_force
-from runtime.identification.free_base.identify import FreeBaseIdentification, identify_free_base
+from runtime.identification.free_base.identify import identify_free_base
+from runtime.identification.free_base.result import FreeBaseIdentification
 from runtime.library import Library, load, to_pinocchio_order
 from runtime.recording.formats.npz import open_npz
 from runtime.recording.free_base import FreeBaseRecording, free_base_of
@@ -96,8 +97,8 @@ def recovery(robot: str, models: Path, folder: Path, trials: int, rows: str = "a
         errors.append(np.linalg.norm(change) / np.linalg.norm(beta))
         singles.append(np.abs(change) / np.abs(beta))
         before.append(np.linalg.norm(lib.base_matrix @ (lib.pi0 - true)) / np.linalg.norm(beta))
-        consistent += result.is_consistent
-        total, sigma = result.mass
+        consistent += result.record.consistent
+        total, sigma = result.record.total_mass.value, result.record.total_mass.sigma
         covered += abs(total - true[::10].sum()) < NORMAL_95 * sigma
         feasible.append(log.feasible)
     sizes = (robot, lib.n_joints, len(lib.base_columns), rows, trials)
@@ -150,7 +151,7 @@ def walking(data: Path, folder: Path) -> Sheet:
         fewer = {name: values for name, values in arrays.items() if name != key}
         part = free_base_of(fewer, "walking.npz")
         without.append((part, identified(part)))
-    mass, sigma = result.mass
+    mass, sigma = result.record.total_mass.value, result.record.total_mass.sigma
     rows = []
     for cutoff in CUTOFFS:
         vertical, here = _predicted(recording, result, cutoff), identified(recording, cutoff)
@@ -161,7 +162,7 @@ def walking(data: Path, folder: Path) -> Sheet:
         errors = (of_urdf, goal, vertical.after, no_lag, no_crosstalk, same_band)
         percent = [100 * each / vertical.weight for each in (*errors, _best_mass(vertical), spread)]
         interval = f"{mass - NORMAL_95 * sigma:.2f} to {mass + NORMAL_95 * sigma:.2f}"
-        crosstalk = here.sensors["crosstalk_y"]
+        crosstalk = here.record.sensors["crosstalk_y"].value
         rows.append((cutoff, *percent[:6], crosstalk, *percent[6:], mass, interval))
     title = "iCub walking: error of ΣF_z on the second half"
     return sheet_of("free_base_table walking", WALK, rows, title=title)
@@ -173,7 +174,7 @@ def _predicted(
     """Errors of an identified model on the second half, behind another low-pass."""
     motion = motion_of(recording, result.lib.joint_names, cutoff_hz)
     second = (motion.t >= (motion.t[0] + motion.t[-1]) / 2) & (motion.t <= motion.t[-1] - TRIM_S)
-    phi = np.array([list(result.sensors.values())])
+    phi = np.array([[each.value for each in result.record.sensors.values()]])
     rows = motion.rows(np.flatnonzero(second))
     vertical = vertical_force(result.lib, rows, result.pi, phi)
     if vertical is None:

@@ -14,8 +14,8 @@ import numpy as np
 from bench.free_base import ROBOTS, library
 from bench.front import Sheet, sheet_of
 from runtime.estimators.regression.samples import NORMAL_95
-from runtime.identification.free_base.identify import FreeBaseIdentification, identify_free_base
-from runtime.identification.free_base.rows import DELAY
+from runtime.identification.free_base.identify import identify_free_base
+from runtime.identification.free_base.result import FreeBaseIdentification
 from runtime.library import Array, Library, to_pinocchio_order
 from runtime.library.parameters import FIRST_MOMENT, MASS, links
 from runtime.recording.free_base import free_base_of
@@ -58,7 +58,7 @@ def trial(robot: str, seed: int, lib: Library, urdf: str) -> Trial:
     seconds = time.process_time() - start
     order = np.argsort(to_pinocchio_order(np.arange(10.0)))
     true = log.pi.reshape(-1, 10)[:, order].ravel()
-    total, sigma = result.mass
+    total, sigma = result.record.total_mass.value, result.record.total_mass.sigma
     mass = float(true[MASS::10].sum())
     trunk = [k for k, name in enumerate(lib.link_names) if any(t in name for t in TRUNKS[robot])]
 
@@ -67,15 +67,17 @@ def trial(robot: str, seed: int, lib: Library, urdf: str) -> Trial:
         return 1e3 * float(np.linalg.norm(change))
 
     base, error = lib.base_matrix, result.pi - true
-    pi_holds = np.abs(error) < NORMAL_95 * np.linalg.norm(result.root, axis=1)
-    beta_holds = np.abs(base @ error) < NORMAL_95 * np.linalg.norm(base @ result.root, axis=1)
+    pi_holds = np.abs(error) < NORMAL_95 * np.linalg.norm(result.posterior.pi_root, axis=1)
+    beta_holds = np.abs(base @ error) < NORMAL_95 * np.linalg.norm(
+        base @ result.posterior.pi_root, axis=1
+    )
     cells = (
         *(robot, seed, total, sigma, 100 * (total / mass - 1)),
         100 * (float(lib.pi0[MASS::10].sum()) / mass - 1),
         *(off(result.pi, [0]), off(result.pi, trunk), off(lib.pi0, trunk)),
         off(result.pi, list(range(lib.n_links))),
         *(100 * float(each.mean()) for each in (pi_holds, beta_holds, drives_hold(result, log))),
-        1e3 * (result.drives[DELAY][0] - log.delay_s),
+        1e3 * (result.record.delay_s.value - log.delay_s),
         seconds,
     )
     mass_holds = abs(total - mass) < NORMAL_95 * sigma
@@ -94,13 +96,15 @@ def centre(lib: Library, pi: Array, chosen: list[int]) -> Array:
 
 def drives_hold(result: FreeBaseIdentification, log: WalkingLog) -> Array:
     """Whether friction, armature and delay are within their intervals."""
+    friction, late = result.record.friction, result.record.delay_s
     true = {"viscous": log.viscous, "coulomb": log.coulomb, "rotor": log.armature}
-    values = {DELAY: log.delay_s}
+    rows = [result.lib.joint_names.index(joint) for joint in log.arrays["joints"]]
+    holds = [abs(late.value - log.delay_s) < NORMAL_95 * late.sigma]
     for name, each in true.items():
-        joints = zip(log.arrays["joints"], each, strict=True)
-        values |= {f"{name} of {joint}": float(value) for joint, value in joints}
-    pairs = [(*result.drives[name], value) for name, value in values.items()]
-    return np.array([abs(x - value) < NORMAL_95 * sigma for x, sigma, value in pairs])
+        at = friction.columns.index(name)
+        pairs = [(friction.values[j][at], friction.sigma[j][at]) for j in rows]
+        holds += [abs(x - v) < NORMAL_95 * s for (x, s), v in zip(pairs, each, strict=True)]
+    return np.array(holds)
 
 
 def tables(robots: list[str], seeds: range, models: Path, folder: Path) -> list[Sheet]:

@@ -17,18 +17,11 @@ from runtime.estimators.friction_bounds import OF
 from runtime.estimators.methods import fit_by
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import Fit, Problem
-from runtime.estimators.uncertainty import (
-    IDENTIFIED,
-    PRIOR_DOMINATED,
-    LogInformation,
-    nuisance_of_slopes,
-    vague_posterior,
-)
+from runtime.estimators.uncertainty import LogInformation, nuisance_of_slopes, vague_posterior
 from runtime.identification.free_base.drives import (
     COLUMNS,
     LATEST_S,
     RowNoise,
-    VerticalForce,
     drives_of,
     noise_of,
     problem_of,
@@ -45,8 +38,14 @@ from runtime.identification.free_base.plausibility import (
     require_prior_of_bodies,
     require_torque_sign,
 )
+from runtime.identification.free_base.result import (
+    FreeBaseIdentification,
+    percent_of,
+    total_mass,
+    uncertainty_of,
+    vertical_part,
+)
 from runtime.identification.free_base.rows import (
-    DELAY,
     OFFSET_SIGMA,
     Drives,
     FreeBaseRows,
@@ -56,73 +55,30 @@ from runtime.identification.free_base.rows import (
     with_contact_states,
 )
 from runtime.identification.posterior_file import SavedPosterior
+from runtime.identification.result_file import provenance_of
+from runtime.identification.result_record import (
+    FORMAT,
+    Coefficient,
+    Delay,
+    ErrorRms,
+    FrictionPart,
+    RecordingPart,
+    ResultRecord,
+    link_parts,
+    plain,
+)
+from runtime.identification.saved_result import model_part
 from runtime.library import Array, Library
-from runtime.library.parameters import MASS, N_PARAMETERS
+from runtime.library.manifest import file_units
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion, motion_of
+from runtime.recording.recipes.recipe import COMMANDED, MEASURED
 from runtime.recording.settings import Friction
 
 SHARE = 0.6
 """Share of the log that is trained on."""
 ROWS_PER_PERIOD = 5.0
 """Rows per period of the cut-off of a commanded log."""
-DETERMINED = 0.5
-"""Posterior over prior variance below which an entry counts as identified."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FreeBaseIdentification:
-    """Result of an identification with a free base."""
-
-    lib: Library  # library of the robot
-    pi: Array  # π, (10 L,), the base link first
-    posterior: SavedPosterior  # of π, and of φ of sensors, drives and delay
-    share: Array  # posterior over prior variance of every entry of π, (10 L,)
-    rows: str  # choice of rows
-    row_names: tuple[str, ...]  # names of the k rows whose errors are stated
-    rms: Array  # RMS of their right side on the test part, (k,)
-    before: Array  # before, after: RMS errors of URDF and result there, (k,)
-    after: Array
-    n_train: int  # n_train, n_test: number of instants
-    n_test: int
-    n_eff: float  # effective sample size
-    seconds: float  # duration of the test part
-    status: str  # how the fit ended
-    notes: tuple[str, ...]  # sentences on the data
-    # errors of the sensors of vertical forces: offsets by link [N], γ as `sharing`, and crosstalk
-    # [1/m]
-    sensors: dict[str, float]
-    vertical: VerticalForce | None  # ΣF_z, where all vertical forces were measured
-    sensor_sigma: dict[str, float]  # standard deviations of the errors of the sensors
-    # friction, armature and delay of commanded torques by name, with σ
-    drives: dict[str, tuple[float, float]]
-    name: str  # of the recording
-    duration: float  # of the recording [s]
-    cutoff_hz: float | None  # low-pass of the motion [Hz]; None without one
-    # t (N,) [s] and measured, before, after (N, k) of the rows on the test part
-    predictions: dict[str, Array]
-
-    @property
-    def root(self) -> Array:
-        """Root of the covariance of π, (10 L, columns)."""
-        return self.posterior.pi_root
-
-    @property
-    def mass(self) -> tuple[float, float]:
-        """Total mass and its standard deviation [kg], that of the sensors' offsets included."""
-        pick = np.zeros(self.pi.size)
-        pick[MASS::N_PARAMETERS] = 1.0
-        return float(pick @ self.pi), float(np.linalg.norm(pick @ self.root))
-
-    @property
-    def verdicts(self) -> tuple[str, ...]:
-        """Per entry of π: identified, or prior-dominated."""
-        return tuple(IDENTIFIED if s < DETERMINED else PRIOR_DOMINATED for s in self.share)
-
-    @property
-    def is_consistent(self) -> bool:
-        """Whether every link is strictly consistent."""
-        return bool(self.lib.relative_eigenvalues(self.pi).min() > 0)
 
 
 @one_blas_thread
@@ -177,43 +133,73 @@ def identify_free_base(
     by_columns = tested.samples.columns @ fit.phi[0]
     by_urdf = tested.samples.rigid(lib, lib.pi0)
     by_result = tested.samples.rigid(lib, fit.pi) + by_columns
-    after = rms(shown(by_result - measured))
-    size = len(sensor_names)
+    before, after = (rms(shown(each - measured)) for each in (by_urdf, by_result))
+    size, n_train = len(sensor_names), len(data.train)
     sensors = dict(zip(sensor_names, fit.phi[0, :size].tolist(), strict=True))
     spread = None if sensed is None else sensed.sigma[0, :size]
-    return FreeBaseIdentification(
-        lib=lib,
-        pi=fit.pi,
-        posterior=posterior,
-        share=shares,
-        rows=rows,
-        row_names=names,
-        rms=level,
-        before=rms(shown(by_urdf - measured)),
-        after=after,
-        n_train=len(data.train),
-        n_test=len(data.test),
-        n_eff=float(fit.n_eff or len(data.train)),
-        seconds=float(data.test.t[-1] - data.test.t[0]),
+    vertical = vertical_force(lib, data.test, fit.pi, fit.phi[:, :size])
+    eigenvalues = lib.relative_eigenvalues(fit.pi)
+    is_consistent, units = bool(eigenvalues.min() > 0), file_units(lib.manifest)
+    of_rows = dict(zip(lib.row_names, [*["N"] * 3, *["N*m"] * 3, *units], strict=True))
+    filtered = {} if cutoff_hz is None else {"filter": "butterworth", "cutoff_hz": cutoff_hz}
+    of_drives = fit.phi[0, size:], deviations[size:]
+    record = ResultRecord.with_gaps(
+        format=FORMAT,
+        method="map",
+        robot=lib.name,
+        base="free",
+        model=model_part(lib),
         status=fit.status,
-        notes=(
+        joints=lib.joint_names,
+        units=tuple(units),
+        recording=RecordingPart.with_gaps(
+            name=recording.name,
+            duration=float(motion.t[-1] - motion.t[0]),
+            samples={"train": n_train, "validation": 0, "test": len(data.test)},
+            preparation=filtered,
+        ),
+        torque_source=MEASURED if drives is None else COMMANDED,
+        delay_s=None if drives is None else _delay(drives, *of_drives),
+        torque_error_percent=percent_of(level, before, after),
+        torque_rms=ErrorRms(before=plain(before), after=plain(after)),
+        links=link_parts(lib, fit.pi, eigenvalues),
+        consistent=is_consistent,
+        uncertainty=uncertainty_of(
+            *(lib, posterior.pi_root, fit.pi, eigenvalues, shares),
+            n_train / float(fit.n_eff or n_train),
+            n_train,
+        ),
+        friction=None if drives is None else _friction(drives, lib.n_joints, *of_drives),
+        warnings=(
             *fit.notes,
             *_notes(lib, recording, data, noise),
             *notes_on_errors(level, after, sensors, spread, bool(recording.joint_names)),
         ),
-        sensors=sensors,
-        vertical=vertical_force(lib, data.test, fit.pi, fit.phi[:, :size]),
-        sensor_sigma=dict(zip(sensor_names, deviations[:size].tolist(), strict=True)),
-        drives={} if drives is None else _drives(lib, drives, fit.phi[0, size:], deviations[size:]),
-        name=recording.name,
-        duration=float(motion.t[-1] - motion.t[0]),
-        cutoff_hz=cutoff_hz,
-        predictions={
-            "t": data.test.t,
-            "measured": shown(measured),
-            "before": shown(by_urdf),
-            "after": shown(by_result),
-        },
+        pi=plain(fit.pi),
+        lam=plain(lib.lam_from_pi(fit.pi)) if is_consistent else None,
+        beta=plain(lib.base_matrix @ fit.pi),
+        provenance=provenance_of(lib, "", {}, None),
+        rows=rows,
+        error_rows=names,
+        error_units=tuple(of_rows.get(name, "") for name in names),
+        total_mass=total_mass(lib, fit.pi, posterior.pi_root),
+        vertical_force=vertical_part(vertical),
+        sensors={
+            name: Coefficient(value=value, sigma=plain(sigma))
+            for (name, value), sigma in zip(sensors.items(), deviations[:size], strict=True)
+        }
+        or None,
+    )
+    predictions = {"t": data.test.t, "measured": measured, "before": by_urdf, "after": by_result}
+    return FreeBaseIdentification(
+        lib,
+        fit.pi,
+        record,
+        posterior,
+        level,
+        float(data.test.t[-1] - data.test.t[0]),
+        vertical,
+        {key: each if key == "t" else shown(each) for key, each in predictions.items()},
     )
 
 
@@ -317,14 +303,24 @@ def _parts(
     return first, second
 
 
-def _drives(
-    lib: Library, drives: Drives, phi: Array, sigma: Array
-) -> dict[str, tuple[float, float]]:
-    """Coefficients of the drives with σ; the delay is the whole one."""
-    pairs = zip(phi.tolist(), sigma.tolist(), strict=True)
-    named = dict(zip(drives.names(lib.joint_names), pairs, strict=True))
-    late, spread = named.get(DELAY, (0.0, 0.0))  # a stated delay is exact
-    return {**named, DELAY: (drives.delay_s + late, spread)}
+def _delay(drives: Drives, phi: Array, sigma: Array) -> Delay:
+    """The whole delay with σ; a stated one is exact."""
+    late, spread = (phi[-1], sigma[-1]) if drives.is_delay_unknown else (0.0, 0.0)
+    return Delay(value=drives.delay_s + float(late), sigma=plain(float(spread)))
+
+
+def _friction(drives: Drives, joints: int, phi: Array, sigma: Array) -> FrictionPart | None:
+    """Friction and armature of commanded torques, (n, k)."""
+    columns = drives.terms.columns
+    if not columns:
+        return None
+    values, spread = (x[: joints * len(columns)].reshape(joints, -1) for x in (phi, sigma))
+    return FrictionPart(
+        columns=columns,
+        values=plain(values),
+        coulomb_speed=drives.terms.coulomb_speed,
+        sigma=plain(spread),
+    )
 
 
 def _posterior(

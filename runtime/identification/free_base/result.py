@@ -11,109 +11,56 @@ import numpy as np
 
 from runtime.estimators.classical.pc_ols import BOUNDARY
 from runtime.estimators.convex.entropic_prior import com_sigma
-from runtime.estimators.friction_bounds import OF
 from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.samples import NORMAL_95
-from runtime.estimators.uncertainty import PRIOR_DOMINATED
-from runtime.identification.free_base.drives import rms
-from runtime.identification.free_base.identify import FreeBaseIdentification
-from runtime.identification.free_base.rows import (
-    DELAY,
-    Drives,
-    error_names,
-    rows_of,
-    with_contact_states,
-)
-from runtime.identification.result_file import provenance_of, require_size, write_files
+from runtime.estimators.uncertainty import IDENTIFIED, PRIOR_DOMINATED
+from runtime.identification.free_base.drives import VerticalForce, rms
+from runtime.identification.free_base.rows import Drives, error_names, rows_of, with_contact_states
+from runtime.identification.posterior_file import SavedPosterior
+from runtime.identification.result_file import require_size, write_files
 from runtime.identification.result_record import (
-    FORMAT,
-    Coefficient,
-    Delay,
     ErrorPercent,
-    ErrorRms,
-    FrictionPart,
-    RecordingPart,
     ResultRecord,
     TotalMass,
     UncertaintyPart,
     VerticalForcePart,
-    link_parts,
     link_uncertainties,
     plain,
 )
-from runtime.identification.saved_result import SavedResult, model_part
+from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
-from runtime.library.manifest import file_units
-from runtime.library.parameters import N_PARAMETERS, links, mass
+from runtime.library.parameters import MASS, N_PARAMETERS, links, mass
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.preprocessing.free_base_motion import motion_of
-from runtime.recording.recipes.recipe import COMMANDED, MEASURED
-from runtime.recording.settings import Friction
+
+DETERMINED = 0.5
+"""Posterior over prior variance below which an entry counts as identified."""
 
 
-def record_of(result: FreeBaseIdentification, command: str) -> ResultRecord:
-    """Record of an identification with a free base."""
-    lib, units = result.lib, file_units(result.lib.manifest)
-    of_rows = dict(zip(lib.row_names, [*["N"] * 3, *["N*m"] * 3, *units], strict=True))
-    eigenvalues = lib.relative_eigenvalues(result.pi)
-    sizes = np.where(result.rms > 0, result.rms, np.nan)
-    late = result.drives.get(DELAY)
-    return ResultRecord.with_gaps(
-        format=FORMAT,
-        method="map",
-        robot=lib.name,
-        base="free",
-        model=model_part(lib),
-        status=result.status,
-        joints=lib.joint_names,
-        units=tuple(units),
-        recording=RecordingPart.with_gaps(
-            name=result.name,
-            duration=result.duration,
-            samples={"train": result.n_train, "validation": 0, "test": result.n_test},
-            preparation={}
-            if result.cutoff_hz is None
-            else {"filter": "butterworth", "cutoff_hz": result.cutoff_hz},
-        ),
-        torque_source=MEASURED if late is None else COMMANDED,
-        delay_s=None if late is None else Delay(value=late[0], sigma=plain(late[1])),
-        torque_error_percent=ErrorPercent(
-            before=plain(100 * result.before / sizes),
-            after=plain(100 * result.after / sizes),
-            before_overall=_share(result.before, result.rms),
-            after_overall=_share(result.after, result.rms),
-        ),
-        torque_rms=ErrorRms(before=plain(result.before), after=plain(result.after)),
-        links=link_parts(lib, result.pi, eigenvalues),
-        consistent=result.is_consistent,
-        uncertainty=_uncertainty(result, eigenvalues),
-        friction=_friction(result),
-        warnings=result.notes,
-        pi=plain(result.pi),
-        lam=plain(lib.lam_from_pi(result.pi)) if result.is_consistent else None,
-        beta=plain(lib.base_matrix @ result.pi),
-        provenance=provenance_of(lib, command, {}, None),
-        rows=result.rows,
-        error_rows=result.row_names,
-        error_units=tuple(of_rows.get(name, "") for name in result.row_names),
-        total_mass=_total_mass(result),
-        vertical_force=_vertical(result),
-        sensors={
-            name: Coefficient(value=value, sigma=plain(result.sensor_sigma[name]))
-            for name, value in result.sensors.items()
-        }
-        or None,
-    )
+@dataclass(frozen=True, slots=True, eq=False)
+class FreeBaseIdentification:
+    """Result of an identification with a free base."""
+
+    lib: Library  # library of the robot
+    pi: Array  # π, (10 L,), the base link first
+    record: ResultRecord  # content of result.json, but for the command
+    posterior: SavedPosterior  # of π, and of φ of sensors, drives and delay
+    rms: Array  # RMS of the right side of the rows whose errors are stated, on the test part, (k,)
+    seconds: float  # duration of the test part
+    vertical: VerticalForce | None  # ΣF_z, where all vertical forces were measured
+    # t (N,) [s] and measured, before, after (N, k) of the rows on the test part
+    predictions: dict[str, Array]
 
 
 def write_free_base(result: FreeBaseIdentification, folder: Path, command: str) -> ResultRecord:
     """Write result.json, predictions.npz and posterior.npz into a folder."""
-    record = record_of(result, command)
+    record = result.record
+    record = record.replace(provenance=record.provenance.replace(command=command))
     friction = record.friction
     require_size(np.concatenate([result.pi, *(friction.values if friction is not None else ())]))
     known = result.posterior.information
     columns = 0 if friction is None else len(friction.columns) * len(record.joints)
-    first = len(result.sensors)
+    first = len(record.sensors or ())
     statistics = marginal(known.statistics, slice(first, first + columns))
     known = replace(known, statistics=statistics)
     posterior = replace(result.posterior, information=known, phi_nuisance=None)
@@ -132,24 +79,33 @@ def marginal(statistics: Statistics, kept: slice) -> Statistics:
     return replace(statistics, factor=left[:, :-1], target=left[:, -1])
 
 
-def _share(error: Array, size: Array) -> float | None:
-    """Error of all rows together [%]; None without any torque or force."""
-    whole = float(np.linalg.norm(size))
-    return 100 * float(np.linalg.norm(error)) / whole if whole else None
+def percent_of(level: Array, before: Array, after: Array) -> ErrorPercent:
+    """Errors over the RMS of their rows [%]; null without any torque or force."""
+    sizes, whole = np.where(level > 0, level, np.nan), float(np.linalg.norm(level)) or np.nan
+    return ErrorPercent(
+        before=plain(100 * before / sizes),
+        after=plain(100 * after / sizes),
+        before_overall=plain(100 * float(np.linalg.norm(before)) / whole),
+        after_overall=plain(100 * float(np.linalg.norm(after)) / whole),
+    )
 
 
-def _total_mass(result: FreeBaseIdentification) -> TotalMass:
-    total, sigma = result.mass
+def total_mass(lib: Library, pi: Array, root: Array) -> TotalMass:
+    """Mass of the robot; its σ contains the sensors' offsets."""
+    total, sigma = (
+        float(mass(links(pi)).sum()),
+        float(np.linalg.norm(root[MASS::N_PARAMETERS].sum(axis=0))),
+    )
     return TotalMass(
         value=total,
         sigma=sigma,
         interval=(total - NORMAL_95 * sigma, total + NORMAL_95 * sigma),
-        urdf=float(mass(links(result.lib.pi0)).sum()),
+        urdf=float(mass(links(lib.pi0)).sum()),
     )
 
 
-def _vertical(result: FreeBaseIdentification) -> VerticalForcePart | None:
-    vertical = result.vertical
+def vertical_part(vertical: VerticalForce | None) -> VerticalForcePart | None:
+    """Errors of ΣF_z over its mean."""
     if vertical is None:
         return None
     return VerticalForcePart(
@@ -159,39 +115,27 @@ def _vertical(result: FreeBaseIdentification) -> VerticalForcePart | None:
     )
 
 
-def _friction(result: FreeBaseIdentification) -> FrictionPart | None:
-    """Friction and armature of commanded torques, (n, k)."""
-    names = [name.partition(OF)[0] for name in result.drives if name != DELAY]
-    columns = tuple(dict.fromkeys(names))
-    if not columns:
-        return None
-    values = np.array([pair for name, pair in result.drives.items() if name != DELAY])
-    phi, sigma = values.reshape(-1, len(columns), 2).transpose(2, 0, 1)
-    return FrictionPart(
-        columns=columns,
-        values=plain(phi),
-        coulomb_speed=Friction(columns).coulomb_speed,
-        sigma=plain(sigma),
-    )
-
-
-def _uncertainty(result: FreeBaseIdentification, eigenvalues: Array) -> UncertaintyPart:
-    lib, sigma = result.lib, np.linalg.norm(result.root, axis=1)
-    prior = [name for name, verdict in zip(lib.link_names, result.verdicts[::N_PARAMETERS],
-                                           strict=True) if verdict == PRIOR_DOMINATED]  # fmt: skip
+def uncertainty_of(
+    lib: Library, root: Array, pi: Array, eigenvalues: Array, share: Array, inflation: float, n: int
+) -> UncertaintyPart:
+    """Posterior of π with a root (10 L, columns) of its covariance, by n training instants."""
+    sigma = np.linalg.norm(root, axis=1)
+    verdicts = [IDENTIFIED if s < DETERMINED else PRIOR_DOMINATED for s in share]
+    masses = zip(lib.link_names, verdicts[::N_PARAMETERS], strict=True)
+    prior = [name for name, verdict in masses if verdict == PRIOR_DOMINATED]
     return UncertaintyPart.with_gaps(
         advice=f"the log hardly determines the mass of {', '.join(prior)}: measure the wrenches of "
         "its contacts, or record a motion that moves it"
         if prior
         else "the log determines the masses of all links",
-        n_eff=result.n_eff,
-        inflation=result.n_train / result.n_eff,
+        n_eff=n / inflation,
+        inflation=inflation,
         excited=len(lib.base_columns),
         boundary=bool(np.abs(eigenvalues).min() < BOUNDARY),
-        links=link_uncertainties(sigma, com_sigma(result.root, result.pi), result.verdicts),
+        links=link_uncertainties(sigma, com_sigma(root, pi), verdicts),
         pi_sigma=plain(sigma),
-        posterior_over_prior=plain(result.share),
-        beta_sigma=plain(np.linalg.norm(lib.base_matrix @ result.root, axis=1)),
+        posterior_over_prior=plain(share),
+        beta_sigma=plain(np.linalg.norm(lib.base_matrix @ root, axis=1)),
         noise=(),
         model_band=(),
         white_lag_share=(),

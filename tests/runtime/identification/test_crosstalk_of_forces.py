@@ -131,8 +131,8 @@ def test_crosstalk_is_estimated_from_the_quiet_part(hopper: Library, swinging: A
     """
     recording = free_base_of(swinging, "log")
     result = identify_free_base(recording, hopper, "base", cutoff_hz=1.0, share=0.5, trim_s=0.5)
-    assert result.sensors["crosstalk_y"] == pytest.approx(CROSSTALK, abs=0.01)
-    assert set(result.sensors) == {"crosstalk_y"}  # no part of the moment about x is stated
+    assert result.record.sensors["crosstalk_y"].value == pytest.approx(CROSSTALK, abs=0.01)
+    assert set(result.record.sensors) == {"crosstalk_y"}  # no part of the moment about x is stated
     assert result.vertical is not None
     assert result.vertical.after < 0.1
     assert result.vertical.before > 10.0

@@ -13,7 +13,8 @@ from runtime.estimators.convex.entropic_prior import prior_of
 from runtime.estimators.prior_file import read_prior
 from runtime.estimators.uncertainty import vague_posterior
 from runtime.identification.free_base.drives import _student
-from runtime.identification.free_base.identify import FreeBaseIdentification, identify_free_base
+from runtime.identification.free_base.identify import identify_free_base
+from runtime.identification.free_base.result import FreeBaseIdentification
 from runtime.identification.free_base.rows import (
     OFFSET_SIGMA,
     FreeBaseRows,
@@ -72,13 +73,15 @@ def test_bodies_are_recovered(lib: Library, log: VirtualLog, rows: str) -> None:
     """
     result = identified(lib, log.arrays, rows)
     # The prior keeps a share of about its γ = 1e-4 of the residuals; exact data leave nothing else.
-    assert (result.after < 1e-3 * result.rms.max()).all()
-    assert (result.before > 30 * result.after).any()
-    assert result.is_consistent
+    assert (np.array(result.record.torque_rms.after) < 1e-3 * result.rms.max()).all()
+    assert (
+        np.array(result.record.torque_rms.before) > 30 * np.array(result.record.torque_rms.after)
+    ).any()
+    assert result.record.consistent
     if rows != "joints":
         assert base_error(lib, log, result) < 1e-3
         total = true_pi(lib, log)[::10].sum()
-        assert result.mass[0] == pytest.approx(total, rel=1e-3)
+        assert result.record.total_mass.value == pytest.approx(total, rel=1e-3)
     assert result.vertical is not None
     assert result.vertical.before > 10 * result.vertical.after or rows == "joints"
 
@@ -95,7 +98,7 @@ def test_unknown_wrenches_are_eliminated(lib: Library, log: VirtualLog) -> None:
     residual = rows.samples.rigid(lib, true_pi(lib, log)) - rows.samples.tau
     assert np.abs(residual).max() < 1e-6 * np.abs(rows.samples.tau).max()
     result = identified(lib, arrays)
-    assert (result.after < 0.02 * result.rms).all()
+    assert (np.array(result.record.torque_rms.after) < 0.02 * result.rms).all()
     with pytest.raises(RuntimeFault, match="leave no equation; give contact_wrench"):
         identified(lib, arrays, "base")
 
@@ -116,28 +119,34 @@ def test_vertical_forces_alone_tell_the_mass(lib: Library, log: VirtualLog) -> N
     force += np.random.default_rng(1).normal(0, 0.3, force.shape)
     arrays = without(log, "contact_wrench", "tau", contact_force_z=force)
     result = identified(lib, arrays, "base")
-    assert len(result.row_names) == 1
-    assert any("1 of 6 equations per instant" in note for note in result.notes)
-    total, whole = result.mass
+    assert len(result.record.error_rows) == 1
+    assert any("1 of 6 equations per instant" in note for note in result.record.warnings)
+    total, whole = result.record.total_mass.value, result.record.total_mass.sigma
     n_pi = lib.pi0.size
-    sigma = np.linalg.norm(np.delete(result.root, np.s_[n_pi:-1], axis=1)[::10].sum(axis=0))
+    sigma = np.linalg.norm(
+        np.delete(result.posterior.pi_root, np.s_[n_pi:-1], axis=1)[::10].sum(axis=0)
+    )
     assert abs(total - true_pi(lib, log)[::10].sum()) < 4 * sigma < 0.5
     # An offset of 1 N of either sensor is √2 N / g of mass where the robot only stands.
     assert whole == pytest.approx(np.hypot(sigma, np.sqrt(2) / 9.81), rel=0.1)
     assert result.vertical is not None
     assert result.vertical.after < 0.5 < result.vertical.before  # noise is 0.3 √2
-    assert "prior-dominated" in result.verdicts
-    assert any("constant offsets of the contact sensors of 1 N" in note for note in result.notes)
+    assert any("prior-dominated" in each.verdicts for each in result.record.uncertainty.links)
+    assert any(
+        "constant offsets of the contact sensors of 1 N" in note for note in result.record.warnings
+    )
     # A sensor that reads 5 N too much: where the log states such offsets, they are estimated with
     # that prior. This motion tells m a from the offset, so that the mass comes out right.
     arrays["contact_force_z"] = force + np.array([5.0, 0.0])
-    wrong = abs(identified(lib, arrays, "base").mass[0] - true_pi(lib, log)[::10].sum())
+    wrong = abs(
+        identified(lib, arrays, "base").record.total_mass.value - true_pi(lib, log)[::10].sum()
+    )
     arrays["contact_force_z_sigma"] = np.array([4.0, 4.0])
     shifted = identified(lib, arrays, "base")
-    total_error = abs(shifted.mass[0] - true_pi(lib, log)[::10].sum())
+    total_error = abs(shifted.record.total_mass.value - true_pi(lib, log)[::10].sum())
     assert wrong > 4 * sigma
     assert total_error < 0.25 * wrong
-    assert total_error < 4 * shifted.mass[1] < 0.5
+    assert total_error < 4 * shifted.record.total_mass.sigma < 0.5
     assert not any(note.startswith("sensors:") for note in shifted.notes)
     arrays["contact_force_z_sigma"] = np.array([0.5, 0.5])
     notes = identified(lib, arrays, "base").notes
@@ -165,8 +174,8 @@ def test_intervals_contain_constant_offsets_of_wrench_sensors(
         moved = lib.base_matrix @ (second.pi - first.pi)
         column = lib.base_matrix @ columns[:, 6 + component]
         assert np.abs(column - moved).max() < 0.1 * np.abs(moved).max()
-        error = abs(second.mass[0] - true_pi(lib, log)[::10].sum())
-        assert error < 2 * second.mass[1]
+        error = abs(second.record.total_mass.value - true_pi(lib, log)[::10].sum())
+        assert error < 2 * second.record.total_mass.sigma
         if component == 2:
             bare = np.delete(second.root, np.s_[n_pi:-1], axis=1)[::10].sum(axis=0)
             assert error > 3 * np.linalg.norm(bare)
@@ -212,12 +221,12 @@ def test_few_independent_rows_do_not_outweigh_the_prior(lib: Library, log: Virtu
     ripple = np.sin(3.0 * t)
     arrays["contact_force_z"] = np.stack([weight / 2 + ripple, np.full(len(t), weight / 2)], axis=1)
     result = identified(lib, arrays, "base", cutoff_hz=0.5)
-    total, sigma = result.mass
+    total, sigma = result.record.total_mass.value, result.record.total_mass.sigma
     assert abs(total - true_pi(lib, log)[::10].sum()) < 2 * sigma
     assert result.vertical is not None
     # The ripple that is left after the low-pass, 0.43 N, and the offset's 1 N; 1.6 N without floor.
     assert result.vertical.after < 1.3
-    assert any("4 independent equations" in note for note in result.notes)
+    assert any("4 independent equations" in note for note in result.record.warnings)
 
 
 def test_derivatives_and_poses(lib: Library, log: VirtualLog) -> None:
@@ -284,7 +293,7 @@ def test_prior_of_the_base_link(lib: Library, log: VirtualLog, tmp_path: Path) -
     held = identified(lib, arrays, "base", prior=prior)
     assert held.pi[0] == pytest.approx(7.5, abs=0.01)
     assert abs(free.pi[0] - 7.5) > 0.1
-    assert held.mass[0] == pytest.approx(force.sum(axis=1).mean() / 9.81, rel=0.05)
+    assert held.record.total_mass.value == pytest.approx(force.sum(axis=1).mean() / 9.81, rel=0.05)
 
 
 BAD = {
@@ -347,6 +356,6 @@ def test_what_the_prior_moves_counts_as_error(lib: Library, log: VirtualLog) -> 
     scale = np.sqrt(known.density)
     vague, _ = vague_posterior(lib, prior_of(lib), data.factor / scale, data.target / scale)
     pull = result.pi - vague
-    variance = np.sum(result.root**2, axis=1)
+    variance = np.sum(result.posterior.pi_root**2, axis=1)
     assert (variance > pull**2).all()
     assert np.sum(pull**2 > 0.2 * variance) > 3

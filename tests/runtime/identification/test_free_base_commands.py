@@ -11,7 +11,6 @@ from runtime.estimators.uncertainty import PRIOR_DOMINATED
 from runtime.identification.free_base.identify import identify_free_base
 from runtime.identification.free_base.rows import (
     CLEARANCE,
-    DELAY,
     Drives,
     contact_jacobian,
     lifted_feet,
@@ -104,22 +103,25 @@ def test_bodies_friction_and_delay_without_forces(
     result = identify_free_base(free_base_of(arrays, "log"), hopper, "all", cutoff_hz=15.0)
     true = true_pi(log)
     # The wrench at the foot takes up all that moves the foot, which therefore has no equation.
-    foot = 10 * hopper.link_names.index("left_foot")
+    link = hopper.link_names.index("left_foot")
     pick = np.where(np.arange(true.size) % 10 == 0, 1.0, 0.0)
-    pick[foot] = 0.0
-    sigma = np.linalg.norm(pick @ result.root)
-    assert result.verdicts[foot] == PRIOR_DOMINATED
+    pick[10 * link] = 0.0
+    sigma = np.linalg.norm(pick @ result.posterior.pi_root)
+    assert result.record.uncertainty.links[link].verdicts[0] == PRIOR_DOMINATED
     assert pick @ result.pi == pytest.approx(pick @ true, rel=0.02)
     assert abs(pick @ (result.pi - true)) < 4 * sigma
     assert abs(pick @ (hopper.pi0 - true)) > 10 * sigma
-    late, spread = result.drives[DELAY]
+    late, spread = result.record.delay_s.value, result.record.delay_s.sigma
     assert late == pytest.approx(DELAY_S, abs=4 * spread + 1e-4)
     for name, values in (("viscous", VISCOUS), ("coulomb", COULOMB), ("rotor", ARMATURE)):
-        for joint, value in zip(hopper.joint_names, values, strict=True):
-            estimate, spread = result.drives[f"{name} of {joint}"]
+        friction = result.record.friction
+        at = friction.columns.index(name)
+        rows = zip(friction.values, friction.sigma, values, strict=True)
+        for estimate, spread, value in ((x[at], s[at], value) for x, s, value in rows):
             assert abs(estimate - value) < 4 * spread + 0.02 * value
-    assert (result.after < 0.5 * result.before).all()
-    assert len(result.after) == 9
+    rms = result.record.torque_rms
+    assert (np.array(rms.after) < 0.5 * np.array(rms.before)).all()
+    assert len(rms.after) == 9
 
 
 @pytest.mark.parametrize(("cutoff", "ends"), [(None, 0.1), (5.0, 0.2)])
@@ -175,11 +177,11 @@ def test_flags_are_not_inferred_where_they_are_stated(hopper: Library, arrays: A
         identify_free_base(free_base_of(each, "log"), hopper, "all", cutoff_hz=15.0, delay_s=0.012)
         for each in (arrays, unstated)
     )
-    assert not any("height of the feet" in note for note in stated.notes)
-    assert any("height of the feet" in note for note in free.notes)
+    assert not any("height of the feet" in note for note in stated.record.warnings)
+    assert any("height of the feet" in note for note in free.record.warnings)
     # One foot is always the lowest one.
     assert free.pi == pytest.approx(stated.pi, rel=1e-9)
-    assert free.drives[DELAY] == (0.012, 0.0)
+    assert (free.record.delay_s.value, free.record.delay_s.sigma) == (0.012, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -262,8 +264,8 @@ def test_offsets_of_force_sensors_have_sigma(hopper: Library, log: VirtualLog) -
         "contact_force_z_sigma": np.array([4.0]),
     }
     result = identify_free_base(free_base_of(arrays, "log"), hopper, "base", cutoff_hz=20.0)
-    assert result.sensor_sigma.keys() == result.sensors.keys() == {"left_foot"}
-    sigma = result.sensor_sigma["left_foot"]
+    assert result.record.sensors.keys() == {"left_foot"}
+    offset, sigma = (getattr(result.record.sensors["left_foot"], k) for k in ("value", "sigma"))
     # It exchanges with the mass, whose prior is of 2 kg, and accelerations tell them apart.
     assert 0 < sigma <= 4.001
-    assert abs(result.sensors["left_foot"] - 3.0) < 3 * sigma
+    assert abs(offset - 3.0) < 3 * sigma

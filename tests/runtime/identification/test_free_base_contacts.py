@@ -12,7 +12,6 @@ from runtime.errors import RuntimeFault
 from runtime.estimators.prior_file import read_prior
 from runtime.identification.free_base.identify import identify_free_base
 from runtime.identification.free_base.plausibility import require_contact_conventions
-from runtime.identification.free_base.result import record_of
 from runtime.identification.result_record import FORMAT
 from runtime.library import Library
 from runtime.recording.free_base import free_base_of
@@ -38,12 +37,14 @@ def test_a_sensor_that_works_in_one_part_only(hopper: Library, arrays: Arrays, r
     wrench[rows, 0] = np.nan
     log = free_base_of(arrays | {"contact_wrench": wrench}, "log")
     result = identify_free_base(log, hopper, "all", share=0.5)
-    assert len(result.after) == (9 if rows.start == 0 else 3)
+    assert len(result.record.torque_rms.after) == (9 if rows.start == 0 else 3)
     whole = identify_free_base(free_base_of(arrays, "log"), hopper, "all")
-    mass, sigma = result.mass
+    mass, sigma = result.record.total_mass.value, result.record.total_mass.sigma
     # 95 % interval; exact data of six base rows determine the mass to rounding and prior.
-    assert abs(mass - whole.mass[0]) < 1.96 * sigma + 1e-6
-    assert np.linalg.norm(result.after) < np.linalg.norm(result.before)
+    assert abs(mass - whole.record.total_mass.value) < 1.96 * sigma + 1e-6
+    assert np.linalg.norm(result.record.torque_rms.after) < np.linalg.norm(
+        result.record.torque_rms.before
+    )
 
 
 def test_exchanged_contacts_are_named(hopper: Library, arrays: Arrays) -> None:
@@ -65,7 +66,7 @@ def test_columns_without_names_are_noted(hopper: Library, arrays: Arrays) -> Non
     unnamed = {key: value for key, value in arrays.items() if key != "joints"}
     mixed = {key: arrays[key][:, [2, 0, 1]] for key in ("q", "dq", "ddq", "tau")}
     result = identify_free_base(free_base_of(unnamed | mixed, "log"), hopper, "joints")
-    assert any("no array joints, which names them" in note for note in result.notes)
+    assert any("no array joints, which names them" in note for note in result.record.warnings)
 
 
 def test_contacts_that_hide_every_row_name_what_is_missing(hopper: Library, arrays: Arrays) -> None:
@@ -167,8 +168,8 @@ def test_sensors_that_read_nothing_in_the_test_part(hopper: Library, arrays: Arr
     log = arrays | {"contact_wrench": wrench}
     result = identify_free_base(free_base_of(log, "log"), hopper, "base", share=0.5)
     assert result.vertical is None
-    assert record_of(result, "").vertical_force is None
-    assert any("of the test part are zero throughout" in note for note in result.notes)
+    assert result.record.vertical_force is None
+    assert any("of the test part are zero throughout" in note for note in result.record.warnings)
 
 
 def test_forces_without_gravity(

@@ -211,7 +211,7 @@ def test_what_does_not_fit_is_noted(hopper: Library, arrays: Arrays) -> None:
     """Property: a contact point far from the true one leaves moments that no body explains."""
     wrong = arrays | {"contact_position": np.array([[0.0, 0, 1], [1, 0, 0]])}
     result = identify_free_base(free_base_of(wrong, "log"), hopper, "joints")
-    assert any("half of the rows keep an error of" in note for note in result.notes)
+    assert any("half of the rows keep an error of" in note for note in result.record.warnings)
 
 
 def in_world(log: Arrays, lib: Library) -> np.ndarray:

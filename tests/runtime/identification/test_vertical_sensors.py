@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from runtime.errors import RuntimeFault
-from runtime.identification.free_base.identify import FreeBaseIdentification, identify_free_base
+from runtime.identification.free_base.identify import identify_free_base
+from runtime.identification.free_base.result import FreeBaseIdentification
 from runtime.identification.free_base.rows import FreeBaseRows, rows_of
 from runtime.library import Library
 from runtime.recording.free_base import free_base_of
@@ -59,15 +60,15 @@ def test_reading_of_shared_load_is_estimated(hopper: Library) -> None:
     arrays["contact_force_z"] = arrays["contact_force_z"] - np.array([OFFSET, 0.0])
     plain = identified(hopper, arrays)
     result = identified(hopper, arrays | {"contact_force_z_sharing": np.array(0.1)})
-    assert result.sensors["sharing"] == pytest.approx(GAMMA, rel=0.05)
+    assert result.record.sensors["sharing"].value == pytest.approx(GAMMA, rel=0.05)
     # The sum of both feet reads 2 γ s (1 − s) too much, up to 4.8 N.
-    assert result.mass[0] * 9.81 == pytest.approx(WEIGHT, abs=0.3)
-    assert abs(plain.mass[0] * 9.81 - WEIGHT) > 1.0
+    assert result.record.total_mass.value * 9.81 == pytest.approx(WEIGHT, abs=0.3)
+    assert abs(plain.record.total_mass.value * 9.81 - WEIGHT) > 1.0
     assert result.vertical is not None
     assert plain.vertical is not None
     assert result.vertical.after < 0.2 < 5 * result.vertical.after < plain.vertical.after
     # The errors of the rows are those of ΣF_z, one equation per instant.
-    assert result.after[0] == pytest.approx(result.vertical.after, rel=1e-6)
+    assert result.record.torque_rms.after[0] == pytest.approx(result.vertical.after, rel=1e-6)
 
 
 def test_noise_is_that_of_sensors_within_their_prior(hopper: Library) -> None:
@@ -80,10 +81,11 @@ def test_noise_is_that_of_sensors_within_their_prior(hopper: Library) -> None:
         for more in ({}, {"contact_force_z_sharing": np.array(1e-9)})
     ]
     without, exact = (
-        identify_free_base(recording, hopper, "base", cutoff_hz=0.5, share=0.5).mass
+        identify_free_base(recording, hopper, "base", cutoff_hz=0.5, share=0.5).record
         for recording in recordings
     )
-    assert exact == pytest.approx(without, rel=1e-6)
+    assert exact.total_mass.value == pytest.approx(without.total_mass.value, rel=1e-6)
+    assert exact.total_mass.sigma == pytest.approx(without.total_mass.sigma, rel=1e-6)
 
 
 def test_columns_are_the_change_of_the_right_side(hopper: Library) -> None:

@@ -147,9 +147,9 @@ def test_vertical_forces_alone_tell_the_mass(lib: Library, log: VirtualLog) -> N
     assert wrong > 4 * sigma
     assert total_error < 0.25 * wrong
     assert total_error < 4 * shifted.record.total_mass.sigma < 0.5
-    assert not any(note.startswith("sensors:") for note in shifted.notes)
+    assert not any(note.startswith("sensors:") for note in shifted.record.warnings)
     arrays["contact_force_z_sigma"] = np.array([0.5, 0.5])
-    notes = identified(lib, arrays, "base").notes
+    notes = identified(lib, arrays, "base").record.warnings
     assert any("the error of left_foot is" in note for note in notes)
 
 

@@ -29,7 +29,7 @@ the arm in spite of it: its rigid-body torque along the motion is within `RECOVE
 """
 
 import tempfile
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -90,12 +90,7 @@ class Release:
 
     def to_facts(self) -> dict[str, object]:
         """JSON-ready content."""
-        return {
-            "released": self.is_released,
-            "reasons": list(self.reasons),
-            "checked": list(self.checked),
-            "agreement": None if self.agreement is None else list(self.agreement),
-        }
+        return {"released": self.is_released} | asdict(self)
 
 
 def released(

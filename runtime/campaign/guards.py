@@ -27,6 +27,8 @@ from runtime.library import Array, Library
 from runtime.monitoring.model import urdf_model
 from runtime.monitoring.observer import Observer
 
+MARGIN = 0.05
+"""Share of velocity and torque limits that a sample may exceed, for noise."""
 TRACKING = 0.02
 """Largest distance from the commanded position, as a share of the range of a joint."""
 WIDEST = 0.05
@@ -47,26 +49,21 @@ MODEL_ERROR = (0.006, 0.03, 0.5)
 
 
 class LimitsGuard:
-    """Limits of the joints, also of those that follow several others or that a loop moves.
-
-    Args:
-        lib: library of the robot.
-        margin: share of velocity and torque limits that a sample may exceed, for noise.
-    """
+    """Limits of the joints, also of those that follow several others or that a loop moves."""
 
     name = "limits"
 
-    def __init__(self, lib: Library, margin: float = 0.05) -> None:
+    def __init__(self, lib: Library) -> None:
         self._names = lib.joint_names
         limits = lib.limits()
         self._lower, self._upper = limits["lower"], limits["upper"]
         self._most = {
-            "velocity": (1 + margin) * limits["velocity"],
-            "torque": (1 + margin) * limits["effort"],
+            "velocity": (1 + MARGIN) * limits["velocity"],
+            "torque": (1 + MARGIN) * limits["effort"],
         }
         self._dependent = DependentJoints(lib, dependent_rows(lib))
         low, high, speed = dependent_limits(lib, self._dependent.rows)
-        self._ends, self._speed = (low, high), (1 + margin) * speed
+        self._ends, self._speed = (low, high), (1 + MARGIN) * speed
 
     def refusal(self, sample: Sample, reference: Reference) -> str | None:
         """Sentence on the first limit that is exceeded."""
@@ -121,20 +118,14 @@ def _beyond(what: str, names: Sequence[str], values: Array, most: Array) -> str 
 
 
 class TrackingGuard:
-    """Distance from the commanded position.
-
-    Args:
-        lib: library of the robot.
-        most: (n,) or one number [rad, m]; None: `TRACKING` of the range, at most `WIDEST`.
-    """
+    """Distance from the commanded position: `TRACKING` of the range, at most `WIDEST`."""
 
     name = "tracking"
 
-    def __init__(self, lib: Library, most: Array | float | None = None) -> None:
+    def __init__(self, lib: Library) -> None:
         self._names = lib.joint_names
         limits = lib.limits()
-        usual = np.minimum(TRACKING * (limits["upper"] - limits["lower"]), WIDEST)
-        self._most = np.broadcast_to(usual if most is None else most, lib.n_joints)
+        self._most = np.minimum(TRACKING * (limits["upper"] - limits["lower"]), WIDEST)
 
     def refusal(self, sample: Sample, reference: Reference) -> str | None:
         """Sentence on the first joint that is too far away."""
@@ -160,25 +151,17 @@ class ExternalTorqueGuard:
         lib: library of the robot.
         rate_hz: of the samples [Hz].
         model: identified model; None: the bodies of the URDF without friction.
-        error: e (n,), σ of the modelled torque [N·m, N]; None: that of `model_error`.
     """
 
     name = "external torque"
 
-    def __init__(
-        self,
-        lib: Library,
-        rate_hz: float,
-        model: SavedResult | None = None,
-        error: Array | None = None,
-    ) -> None:
+    def __init__(self, lib: Library, rate_hz: float, model: SavedResult | None = None) -> None:
         self._lib = lib
         known = urdf_model(lib) if model is None else model
         self._pi = lib.pi0 if model is None else model.pi
         window = max(WINDOW, 2 / rate_hz)
         self._observer = Observer(lib, known, rate_hz=rate_hz, bandwidth=BANDWIDTH, window_s=window)
-        usual = model_error(lib) if error is None else np.asarray(error, dtype=float)
-        self._variance = np.diag(usual**2)
+        self._variance = np.diag(model_error(lib) ** 2)  # e²
 
     def refusal(self, sample: Sample, reference: Reference) -> str | None:
         """Sentence on the joint with the largest external torque above its threshold."""
@@ -197,12 +180,7 @@ class ExternalTorqueGuard:
 
 
 class ClockGuard:
-    """Age of the data and regularity of the robot's clock.
-
-    Args:
-        rate_hz: of the samples [Hz].
-        late: periods between two samples at most.
-    """
+    """Age of the data and regularity of the robot's clock; `late` in periods between samples."""
 
     name = "clock"
 
@@ -229,11 +207,7 @@ class ClockGuard:
 
 
 class KeyGuard:
-    """A key of the user.
-
-    Args:
-        pressed: returns True once the user wants to stop.
-    """
+    """A key of the user; `pressed` returns True once the user wants to stop."""
 
     name = "key"
 

@@ -33,10 +33,7 @@ class WholeLog:
 
     samples: dict[str, int]  # prepared rows of every part, by its name
     spans: dict[str, tuple[float, float]]  # first and last instant of every part [s], by its name
-    before: metrics.TorqueError  # torque error of the first guess on the whole test part
-    after: metrics.TorqueError  # torque error of the result on the whole test part
-    # torque error of the URDF with fitted friction on the whole test part; None without friction
-    with_friction: metrics.TorqueError | None = None
+    errors: tuple[metrics.TorqueError, ...]  # those of `torque_errors` on the whole test part
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -222,26 +219,15 @@ class Identification(Framed):
         return bool(smallest >= -metrics.CONSISTENCY_TOLERANCE and (masses > 0).all())
 
 
-def torque_errors(result: Identification) -> tuple[metrics.TorqueError, metrics.TorqueError]:
-    """Torque errors on the test part of the first guess and of the result."""
+def torque_errors(result: Identification) -> tuple[metrics.TorqueError, ...]:
+    """Torque errors on the test part of URDF and result, and of the URDF with fitted friction."""
     if result.streamed is not None:
-        return result.streamed.before, result.streamed.after
-    tau = samples_of(result.test, result.lib).tau
-    return (
-        metrics.torque_error(tau, result.before(result.test)),
-        metrics.torque_error(tau, result.predict_test()),
-    )
-
-
-def friction_error(result: Identification) -> metrics.TorqueError | None:
-    """Torque error on the test part of the URDF with fitted friction; None without friction."""
-    if result.streamed is not None:
-        return result.streamed.with_friction
-    if result.urdf_phi is None:
-        return None
-    samples = samples_of(result.test, result.lib)
-    predicted = torque_of(result.lib, samples, result.lib.pi0, result.urdf_phi)
-    return metrics.torque_error(samples.tau, predicted)
+        return result.streamed.errors
+    samples, lib = samples_of(result.test, result.lib), result.lib
+    predicted = [result.before(result.test), result.predict_test()]
+    if result.urdf_phi is not None:
+        predicted.append(torque_of(lib, samples, lib.pi0, result.urdf_phi))
+    return tuple(metrics.torque_error(samples.tau, each) for each in predicted)
 
 
 def torque_of(

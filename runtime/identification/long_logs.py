@@ -414,7 +414,7 @@ def assemble_streamed(
 
     def finish(result: Identification, _: FitOfAssembly) -> Identification:
         errors = _errors(assembly, result)
-        streamed = WholeLog(counts, spans, *errors)
+        streamed = WholeLog(counts, spans, errors)
         return replace(result, streamed=streamed, notes=(*result.notes, note))
 
     return replace(assembly, source_note=note, finish=finish)

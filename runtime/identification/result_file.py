@@ -26,7 +26,7 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import BAND_SAMPLES
 from runtime.identification import metrics, posterior_file, statistics_file
 from runtime.identification import result_record as schema
-from runtime.identification.identified import Identification, friction_error, torque_errors
+from runtime.identification.identified import Identification, torque_errors
 from runtime.identification.posterior_file import friction_sigma
 from runtime.identification.saved_result import (
     LARGEST_VALUE,
@@ -254,10 +254,10 @@ def record_of(result: Identification, command: str) -> schema.ResultRecord:
     if (fit := result.trained) is not None:
         values = schema.plain(replace(result, phi=fit.phi).usual_phi)
         trained = schema.TrainedPart(pi=schema.plain(fit.pi), friction_values=values)
-    before, after = torque_errors(result)
+    errors = torque_errors(result)
     train = compress(lib, samples_of(result.train, lib), np.ones(lib.n_joints))
-    warnings = warnings_of(result, before, after)
-    percent, rms = schema.error_parts(before, after, friction_error(result))
+    warnings = warnings_of(result, *errors[:2])
+    percent, rms = schema.error_parts(*errors)
     return schema.ResultRecord(
         format=schema.FORMAT,
         method=result.method,

@@ -115,15 +115,10 @@ class MonitoredModel:
         return np.where(inertial, moving, 0.0), np.where(inertial, 0.0, plain)
 
     def session_features(
-        self,
-        lib: Library,
-        q: Array,
-        dq: Array,
-        zeta: Array | None = None,
-        signals: Signals = NO_SIGNALS,
+        self, lib: Library, q: Array, dq: Array, signals: Signals = NO_SIGNALS
     ) -> Array:
         """1, viscous and dry friction of the model: what a session scales, (N, n, 3)."""
-        _, columns = self.columns(lib, q, dq, zeta, signals)
+        _, columns = self.columns(lib, q, dq, signals=signals)
         records = [COLUMNS[name] for name in self.terms.columns]
         is_viscous = np.array([each.model_term == "damping" for each in records], dtype=bool)
         # Whatever follows the sign of the speed, or has a memory.

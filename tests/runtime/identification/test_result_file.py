@@ -11,7 +11,7 @@ from runtime import Identification, Recording
 from runtime.errors import RuntimeFault
 from runtime.estimators.regression.factor import compress
 from runtime.estimators.regression.samples import samples_of
-from runtime.identification.identified import friction_error
+from runtime.identification.identified import torque_errors
 from runtime.identification.metrics import torque_error
 from runtime.identification.result_file import record_of, write_result
 from runtime.identification.single_log import identify_recording
@@ -40,7 +40,7 @@ def test_result_says_what_a_reader_needs(panda_adam: Identification, folder: Pat
     facts = json.loads((folder / "result.json").read_text(encoding="utf-8"))
     r, tau = panda_adam, panda_adam.test.tau
     before, after = (torque_error(tau, x) for x in (r.before(r.test), r.predict_recording(r.test)))
-    between = friction_error(r)
+    between = torque_errors(r)[2]
     assert between is not None
     assert (facts["method"], facts["robot"], facts["consistent"]) == ("adam", "fr3", True)
     # Written with all digits.

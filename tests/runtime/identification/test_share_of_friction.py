@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from runtime.identification.identified import friction_error, torque_errors
+from runtime.identification.identified import torque_errors
 from runtime.identification.single_log import identify_recording
 from runtime.recording import Friction
 from tests.runtime.diagnosis import EXAMPLE
@@ -24,15 +24,15 @@ def test_friction_is_fitted_to_the_urdf(lib, noisy):
         squares += np.sum((rest(result.test)[:, j] - result.test.columns[:, j] @ phi) ** 2)
     expected = 100 * np.sqrt(squares) / np.linalg.norm(result.test.tau)
     # Both are least squares of 480 rows; condition numbers of 10.
-    assert friction_error(result).overall == pytest.approx(expected, rel=1e-9)
-    assert friction_error(identify_recording(noisy, lib, "pc-ols", certify=False)) is None
+    assert torque_errors(result)[2].overall == pytest.approx(expected, rel=1e-9)
+    assert len(torque_errors(identify_recording(noisy, lib, "pc-ols", certify=False))) == 2
 
 
 def test_a_real_log_is_half_friction(lib, panda):
     """Real data: 4.46 → 2.98 → 1.43 % on a Franka Panda; the first two are in closed form."""
     result = identify_recording(panda, lib, certify=False)
-    before, after = (each.overall for each in torque_errors(result))
-    assert (before, friction_error(result).overall) == pytest.approx((4.457, 2.977), abs=0.005)
+    before, after, between = (each.overall for each in torque_errors(result))
+    assert (before, between) == pytest.approx((4.457, 2.977), abs=0.005)
     assert after <= 1.43
 
 

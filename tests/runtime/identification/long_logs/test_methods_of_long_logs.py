@@ -73,7 +73,7 @@ def test_answers_are_those_of_the_whole_log(lib, log, tmp_path, monkeypatch, met
     assert result.loss == pytest.approx(whole.loss, rel=more)
     assert result.optimum == pytest.approx(whole.optimum, rel=1e-5)
     assert result.uncertainty.n_samples == len(whole.train)
-    error, expected = result.streamed.after, torque_errors(whole)[1]
+    error, expected = result.streamed.errors[1], torque_errors(whole)[1]
     assert error.overall == pytest.approx(expected.overall, rel=more)
     if method == "wls":
         assert result.notes[0] == whole.notes[0]

@@ -165,7 +165,7 @@ def test_intervals_contain_constant_offsets_of_wrench_sensors(
     noise = np.random.default_rng(2).normal(size=wrench.shape) * np.repeat([0.2, 0.01], 3)
     arrays = log.arrays | {"contact_wrench": wrench + noise}
     first = identified(lib, arrays, "base")
-    columns, n_pi = first.root[:, lib.pi0.size : -1], lib.pi0.size
+    columns, n_pi = first.posterior.pi_root[:, lib.pi0.size : -1], lib.pi0.size
     assert columns.shape == (n_pi, 12)
     for component in (2, 4):
         changed = arrays["contact_wrench"].copy()
@@ -177,7 +177,7 @@ def test_intervals_contain_constant_offsets_of_wrench_sensors(
         error = abs(second.record.total_mass.value - true_pi(lib, log)[::10].sum())
         assert error < 2 * second.record.total_mass.sigma
         if component == 2:
-            bare = np.delete(second.root, np.s_[n_pi:-1], axis=1)[::10].sum(axis=0)
+            bare = np.delete(second.posterior.pi_root, np.s_[n_pi:-1], axis=1)[::10].sum(axis=0)
             assert error > 3 * np.linalg.norm(bare)
 
 

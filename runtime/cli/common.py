@@ -192,17 +192,11 @@ EARLIER, _NAMES = ".earlier", "names.txt"
 
 @dataclass(frozen=True, slots=True)
 class ResultFolder:
-    """What a command writes into the folder of its result.
+    """What a command writes into the folder of its result."""
 
-    Attributes:
-        command: name of the command.
-        files: names of all files that it writes.
-        key: key of the first file, a JSON document, by which the result is recognised.
-    """
-
-    command: str
-    files: tuple[str, ...]
-    key: str
+    command: str  # name of the command
+    files: tuple[str, ...]  # names of all files that it writes
+    key: str  # key of the first file, a JSON document, by which the result is recognised
 
 
 def require_result_folder(folder: Path, kind: ResultFolder, overwrite: bool) -> None:

@@ -92,18 +92,12 @@ PayloadOnly = Annotated[
 
 @dataclass(frozen=True, slots=True)
 class TorqueNoise:
-    """Noise of the torque of a planned motion.
+    """Noise of the torque of a planned motion."""
 
-    Attributes:
-        sigma: (n,) N·m or N.
-        spacing: time between independent rows, s; 0 where all rows are independent.
-        log: name of the log that it is from; None for numbers.
-        spectrum: of the noise of a log, for --settings noise_model=coloured.
-    """
-
-    sigma: Array
-    spacing: float = 0.0
-    log: str | None = None
+    sigma: Array  # (n,) N·m or N
+    spacing: float = 0.0  # time between independent rows, s; 0 where all rows are independent
+    log: str | None = None  # name of the log that it is from; None for numbers
+    # of the noise of a log, for --settings noise_model=coloured
     spectrum: NoiseSpectrum | None = None
 
     def rows_per_independent(self, rate: float) -> float:
@@ -231,25 +225,15 @@ _MOMENTUM = "; rows of momentum, which show more than the rows of energy that th
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """A motion or log, the noise of its torque, and the knowledge before it.
+    """A motion or log, the noise of its torque, and the knowledge before it."""
 
-    Attributes:
-        lib: library of the robot.
-        moved: samples of the motion.
-        noise: σ of the torque, (n,) N·m.
-        unit: samples per independent sample, at least 1.
-        from_residuals: whether `noise` is from the residuals of the motion itself.
-        planned: noise that was given, or that of a planned motion.
-        known: prior and earlier logs.
-    """
-
-    lib: Library
-    moved: MotionSamples
-    noise: Array
-    unit: float
-    from_residuals: bool
-    planned: TorqueNoise
-    known: Knowledge
+    lib: Library  # library of the robot
+    moved: MotionSamples  # samples of the motion
+    noise: Array  # σ of the torque, (n,) N·m
+    unit: float  # samples per independent sample, at least 1
+    from_residuals: bool  # whether `noise` is from the residuals of the motion itself
+    planned: TorqueNoise  # noise that was given, or that of a planned motion
+    known: Knowledge  # prior and earlier logs
 
     def expected(self, more: MotionSamples | None = None, seconds: float = 0.0) -> Expected:
         """Expected accuracy of the motion, and of some seconds of another motion after it."""

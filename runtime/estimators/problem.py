@@ -72,36 +72,26 @@ class NoiseFloor:
 
 @dataclass(frozen=True, eq=False)  # no slots: the statistics are computed once and kept
 class Problem:
-    """Data, weights and first guess of an identification, the same for every method.
+    """Data, weights and first guess of an identification, the same for every method."""
 
-    Attributes:
-        lib: library of the robot.
-        train, validation: samples to fit, and samples for early stopping.
-        weights: diagonal of W, (n,) [1/(N·m)²].
-        start: λ of the first guess, (10 n,).
-        seed: seed of the mini-batches.
-        progress: called with iteration and best validation loss.
-        pieces: all samples of "train" or "validation", piece by piece, where `train` and
-            `validation` hold only some of them.
-        terms: friction columns.
-        column_names: names of the k columns of the samples; those of several logs have an offset
-            column per log beyond `terms`.
-        friction_prior: of φ, for map.
-        noise_floor: least noise of the rows, for map; None where the residuals show the noise.
-    """
-
-    lib: Library
-    train: Samples
-    validation: Samples
-    weights: Array
-    start: Array
-    seed: int = 0
+    lib: Library  # library of the robot
+    train: Samples  # samples to fit
+    validation: Samples  # samples for early stopping
+    weights: Array  # diagonal of W, (n,) [1/(N·m)²]
+    start: Array  # λ of the first guess, (10 n,)
+    seed: int = 0  # seed of the mini-batches
+    # called with iteration and best validation loss
     progress: Callable[[int, float], None] | None = None
+    # all samples of "train" or "validation", piece by piece, where `train` and `validation` hold
+    # only some of them
     pieces: Callable[[str], Iterable[Samples]] | None = None
-    terms: Friction | None = None
+    terms: Friction | None = None  # friction columns
+    # names of the k columns of the samples; those of several logs have an offset column per log
+    # beyond `terms`
     column_names: tuple[str, ...] = ()
     left_out: NDArray[np.bool_] | None = None
-    friction_prior: FrictionPrior | None = None
+    friction_prior: FrictionPrior | None = None  # of φ, for map
+    # least noise of the rows, for map; None where the residuals show the noise
     noise_floor: NoiseFloor | None = None
 
     def statistics(self, weights: Array | None = None) -> Statistics:

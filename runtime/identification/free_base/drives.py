@@ -257,15 +257,9 @@ def _first_noise(lib: Library, motion: FreeBaseMotion) -> Array:
     weight = float(rms(np.linalg.norm(needed[:, :3], axis=1)))
     sigma = np.empty(lib.n_rows)
     sigma[:3], sigma[3:FREEDOM] = FIRST * weight, FIRST * 0.1 * weight
-    size = rms(_torque(motion))
+    size = rms(np.asarray(motion.tau))
     sigma[FREEDOM:] = FIRST * np.maximum(size, 1e-3 * max(float(size.max()), 1e-300))
     return np.diag(sigma**2)
-
-
-def _torque(motion: FreeBaseMotion) -> Array:
-    if motion.tau is None:
-        raise IdentificationError("expected commanded torques, got none; give tau_command or q_des")
-    return motion.tau
 
 
 def _noise(rows: FreeBaseRows, error: Array, covariance: Array, choice: str) -> Array:

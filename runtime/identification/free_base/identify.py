@@ -331,10 +331,8 @@ def _posterior(
     offsets (N, m, o) of the rows move π and φ.
     """
     lib, (weights, noise) = problem.lib, fit.noise()
-    if fit.statistics is None:
-        raise IdentificationError("expected statistics of the fit; use the method map")
     level = max(noise.density, float(np.finfo(float).tiny))
-    statistics = fit.statistics
+    statistics = fit.statistics or problem.statistics()
     if problem.friction_prior is not None:
         known = problem.friction_prior.statistics(statistics, level)
         statistics = statistics.merged(known)

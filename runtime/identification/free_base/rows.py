@@ -152,11 +152,7 @@ class Drives:
 
     def columns(self, motion: FreeBaseMotion) -> Array:
         """Torques per unit of the coefficients, (N, n, K)."""
-        if motion.friction is None:
-            raise IdentificationError(
-                "expected friction columns, got none; give terms to motion_of"
-            )
-        values = spread(motion.friction, None)
+        values = spread(np.asarray(motion.friction), None)
         if self.is_delay_unknown and motion.tau_rate is not None:
             values = np.concatenate([values, motion.tau_rate[:, :, None]], axis=2)
         return values

@@ -18,7 +18,7 @@ from runtime.estimators.classical.pc_ols import fit_pc_ols
 from runtime.estimators.convex.map_estimate import fit_map
 from runtime.estimators.descent.adam import Preset, Watch
 from runtime.estimators.descent.fit import PRESETS, fit_levenberg, fit_many, fit_of, start_of
-from runtime.estimators.optimizers import Adam, Status, descend_validated
+from runtime.estimators.optimizers import Status, adam
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.factor import TorqueObjective
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
@@ -189,9 +189,7 @@ def fit_frozen(problem: Problem, truth: Array, preset: Preset, places: list[Arra
         loss, slope = objective.value_gradient(x, rng.integers(0, size, batch))
         return loss, np.where(fixed, 0.0, slope)
 
-    outcome = descend_validated(
-        Adam(value_gradient, preset.adam), descent.x0, held.value, preset.rule
-    )
+    outcome = adam(value_gradient, preset.adam, descent.x0, held.value, preset.rule)
     return fit_of(descent, outcome)
 
 

@@ -11,15 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.estimators.descent.descent import STATUS, Descent, least_squares
-from runtime.estimators.optimizers import (
-    Adam,
-    AdamOptions,
-    Outcome,
-    Status,
-    StoppingRule,
-    Trace,
-    descend_validated,
-)
+from runtime.estimators.optimizers import AdamOptions, Outcome, Status, StoppingRule, Trace, adam
 from runtime.estimators.regression.factor import CompressedObjective, TorqueObjective
 from runtime.library import Array
 from runtime.library.compiled_descent import AdamProblem, CompiledAdam
@@ -125,8 +117,8 @@ def descend_by_steps(descent: Descent, preset: Preset) -> Outcome:
         def value_gradient(x: Array) -> tuple[float, Array]:
             return objective.value_gradient(x, rng.integers(0, size, batch))
 
-    adam = Adam(value_gradient, preset.adam)
-    return descend_validated(adam, descent.x0, validated.value, preset.rule, problem.progress)
+    rule, options = preset.rule, preset.adam
+    return adam(value_gradient, options, descent.x0, validated.value, rule, problem.progress)
 
 
 def _adam_problem(descent: Descent, batch: int | None) -> AdamProblem:

@@ -22,7 +22,6 @@ from runtime.errors import NeedsError
 from runtime.estimators.classical.least_squares import with_torque
 from runtime.estimators.convex.map_estimate import fit_map
 from runtime.estimators.methods import Method
-from runtime.estimators.optimizers import Status, run
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array
@@ -122,66 +121,38 @@ def _slopes(theta: Array, x: Array, hidden: Array) -> Array:
 
 
 def _trained(theta: Array, x: Array, target: Array, decay: float) -> Array:
-    """θ after the descent; zero for a target that is zero."""
+    """θ after the descent with Marquardt's scaling, (G + μ diag G) δ = −g; zero for a zero target.
+
+    x (N, k) are scaled friction columns, target (N,) is torque.
+    """
     size = float(np.mean(target**2))
     if size == 0:
         return np.zeros_like(theta)
-    state, _, status = run(_NetDescent(x, target, decay * size * len(x)), theta, STEPS)
-    if status is Status.INTERRUPTED:
-        raise KeyboardInterrupt
-    return state.x
+    shrink = decay * size * len(x)  # weight of ‖θ‖² in the loss
 
+    def loss_at(theta: Array) -> tuple[float, Array, Array]:
+        """Loss, residual (N,) and activations (N, UNITS)."""
+        y, hidden = _forward(theta, x)
+        rest = y - target
+        return float(rest @ rest + shrink * (theta @ theta)), rest, hidden
 
-@dataclass(frozen=True, slots=True)
-class _NetState:
-    """θ with its loss, residual (N,) and activations (N, UNITS), and the damping."""
-
-    x: Array
-    loss: float
-    rest: Array
-    hidden: Array
-    damping: float
-    ended: Status | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class _NetDescent:
-    """Levenberg–Marquardt with Marquardt's scaling, (G + μ diag G) δ = −g, as an `Optimiser`."""
-
-    inputs: Array  # scaled friction columns, (N, k)
-    target: Array  # torque, (N,)
-    shrink: float  # weight of ‖θ‖² in the loss
-
-    def init(self, x: Array) -> _NetState:
-        """The first θ with its loss."""
-        return _NetState(x, *self._loss(x), _FIRST_DAMPING)
-
-    def step(self, state: _NetState) -> _NetState:
-        """Try one step; a rejected one raises the damping only."""
-        theta = state.x
-        slopes = _slopes(theta, self.inputs, state.hidden)
-        gram = slopes.T @ slopes + self.shrink * np.eye(theta.size)
-        gradient = slopes.T @ state.rest + self.shrink * theta
-        scaled = gram + state.damping * np.diag(np.diag(gram))
-        tried = theta + np.linalg.solve(scaled, -gradient)
-        loss, rest, hidden = self._loss(tried)
-        if loss < state.loss:
-            flat = (state.loss - loss) / state.loss < _FLAT
-            ended = Status.CONVERGED if flat else None
-            return _NetState(tried, loss, rest, hidden, state.damping / 5, ended)
-        damping = state.damping * 4
-        ended = Status.STALLED if damping > _LARGEST_DAMPING else None
-        return replace(state, damping=damping, ended=ended)
-
-    def status(self, state: _NetState) -> Status | None:
-        """Why to stop; None to go on."""
-        return state.ended
-
-    def _loss(self, theta: Array) -> tuple[float, Array, Array]:
-        """Loss, residual (N,) and activations (N, UNITS) at θ."""
-        y, hidden = _forward(theta, self.inputs)
-        rest = y - self.target
-        return float(rest @ rest + self.shrink * (theta @ theta)), rest, hidden
+    (loss, rest, hidden), damping = loss_at(theta), _FIRST_DAMPING
+    for _ in range(STEPS):
+        slopes = _slopes(theta, x, hidden)
+        gram = slopes.T @ slopes + shrink * np.eye(theta.size)
+        gradient = slopes.T @ rest + shrink * theta
+        scaled = gram + damping * np.diag(np.diag(gram))
+        moved = theta + np.linalg.solve(scaled, -gradient)
+        tried = loss_at(moved)
+        if tried[0] < loss:
+            is_flat = (loss - tried[0]) / loss < _FLAT
+            theta, (loss, rest, hidden), damping = moved, tried, damping / 5
+        else:  # a rejected step raises the damping only
+            damping *= 4
+            is_flat = damping > _LARGEST_DAMPING
+        if is_flat:
+            break
+    return theta
 
 
 def fit_neural(problem: Problem) -> Fit:

@@ -1,23 +1,18 @@
 """optimizers: Adam step by step, and the loop that stops in time and keeps the best."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 from runtime.estimators.optimizers import (
-    Adam,
     AdamOptions,
     LevenbergOptions,
     Outcome,
     Status,
     StoppingRule,
-    adam_start,
-    adam_step,
-    descend_validated,
+    adam,
 )
-from runtime.estimators.optimizers import run as run_loop
 from tests.runtime.estimators.descent.levenberg import levenberg
 
 Loss = Callable[[np.ndarray], tuple[float, np.ndarray]]
@@ -41,13 +36,21 @@ def run(
     progress: Callable[[int, float], None] | None = None,
 ) -> Outcome:
     """The loop with the loss as its own validation."""
-    return descend_validated(
-        Adam(loss, options or AdamOptions()),
-        np.array(start),
-        validation or (lambda x: loss(x)[0]),
-        rule,
-        progress,
-    )
+    validated = validation or (lambda x: loss(x)[0])
+    return adam(loss, options or AdamOptions(), np.array(start), validated, rule, progress)
+
+
+def points_of(gradients: np.ndarray, start: np.ndarray, options: AdamOptions) -> np.ndarray:
+    """The points (K + 1, size) of as many steps with given gradients, (K, size)."""
+    points, rows = [], iter(gradients)
+
+    def validation(x: np.ndarray) -> float:
+        points.append(x.copy())
+        return 0.0
+
+    rule = StoppingRule(len(gradients), len(gradients) + 1, validate_every=1)
+    adam(lambda _: (0.0, next(rows)), options, start, validation, rule)
+    return np.array(points)
 
 
 def test_two_steps_by_hand() -> None:
@@ -57,17 +60,15 @@ def test_two_steps_by_hand() -> None:
     m₂ = ½·½ − 1 = −¾, m̂₂ = −1; v₂ = ¾·¼ + 1 = 19/16, v̂₂ = 19/7: x = −0.05 + 0.1/(√(19/7) + 1).
     """
     options = AdamOptions(0.1, 0.5, 0.75, 1.0)
-    state, x = adam_step(adam_start(1), np.zeros(1), np.array([1.0]), options)
+    _, first, second = points_of(np.array([[1.0], [-2.0]]), np.zeros(1), options)
     # A handful of roundings.
-    assert x == pytest.approx([-0.05], rel=1e-15)
-    state, x = adam_step(state, x, np.array([-2.0]), options)
-    assert x == pytest.approx([-0.05 + 0.1 / (np.sqrt(19 / 7) + 1)], rel=1e-14)
-    assert state.step == 2
+    assert first == pytest.approx([-0.05], rel=1e-15)
+    assert second == pytest.approx([-0.05 + 0.1 / (np.sqrt(19 / 7) + 1)], rel=1e-14)
 
 
 def test_epsilon_stands_outside_the_root() -> None:
     """Oracle: for g = ε = 1e-8 the first step is η/2 outside the root, η/10⁴ inside."""
-    _, x = adam_step(adam_start(1), np.zeros(1), np.array([1e-8]), AdamOptions(1e-3))
+    x = points_of(np.array([[1e-8]]), np.zeros(1), AdamOptions(1e-3))[-1]
     # g² = 1e-16 is exact enough for twelve digits of its root.
     assert x == pytest.approx([-0.5e-3], rel=1e-12)
 
@@ -77,10 +78,8 @@ def test_sequence_against_the_textbook() -> None:
     rng = np.random.default_rng(0)
     gradients = rng.normal(size=(300, 3))
     options = AdamOptions(0.01, 0.9, 0.99, 1e-8)
-    state, x = adam_start(3), np.ones(3)
-    expected = np.ones(3)
+    x, expected = points_of(gradients, np.ones(3), options)[-1], np.ones(3)
     for t in range(1, 301):
-        state, x = adam_step(state, x, gradients[t - 1], options)
         age = np.arange(t - 1, -1, -1)
         m = 0.1 * (0.9**age) @ gradients[:t] / (1 - 0.9**t)
         v = 0.01 * (0.99**age) @ gradients[:t] ** 2 / (1 - 0.99**t)
@@ -90,12 +89,12 @@ def test_sequence_against_the_textbook() -> None:
 
 
 def test_steps_do_not_change_their_arguments() -> None:
-    """Property: pure; the state and the point given stay what they were."""
-    state, x, gradient = adam_start(2), np.ones(2), np.ones(2)
-    adam_step(state, x, gradient, AdamOptions())
-    assert not state.m.any()
-    assert not state.v.any()
-    assert x.tolist() == gradient.tolist() == [1.0, 1.0]
+    """Property: pure; the start, the gradients and the points given stay what they were."""
+    start, gradients = np.ones(2), np.ones((2, 2))
+    points = points_of(gradients, start, AdamOptions(0.1))
+    assert start.tolist() == points[0].tolist() == [1.0, 1.0]
+    assert (gradients == 1.0).all()
+    assert (np.diff(points, axis=0) < 0).all()
 
 
 @pytest.mark.parametrize(
@@ -224,37 +223,6 @@ def test_interrupting_keeps_the_best() -> None:
     assert reports == [(5 * (k + 1), loss) for k, loss in enumerate(outcome.trace.validation)]
     assert len(reports) == 8
     assert outcome.validation == reports[-1][1] == quadratic(outcome.x)[0] < 4.5
-
-
-@dataclass(frozen=True, slots=True)
-class _Halving:
-    """State of an optimiser that halves x."""
-
-    x: np.ndarray
-    loss: float
-
-
-class _Halve:
-    """An optimiser of ten lines: x ← x/2, until |x| < 0.1."""
-
-    def init(self, x: np.ndarray) -> _Halving:
-        return _Halving(x, float(x @ x))
-
-    def step(self, state: _Halving) -> _Halving:
-        return self.init(state.x / 2)
-
-    def status(self, state: _Halving) -> Status | None:
-        return Status.CONVERGED if abs(state.x[0]) < 0.1 else None
-
-
-def test_the_loop_runs_any_optimiser() -> None:
-    """Property: init, step and status are all that the loop needs; each of them can end it."""
-    state, iterations, status = run_loop(_Halve(), np.ones(1), 100)
-    assert (state.x.tolist(), iterations, status) == ([0.0625], 4, Status.CONVERGED)
-    assert run_loop(_Halve(), np.ones(1), 2)[1:] == (2, Status.MAX_ITERATIONS)
-    assert run_loop(_Halve(), np.zeros(1), 2)[1:] == (0, Status.CONVERGED)
-    stopped = run_loop(_Halve(), np.ones(1), 9, lambda i, _: Status.PATIENCE if i == 3 else None)
-    assert stopped[1:] == (3, Status.PATIENCE)
 
 
 def test_the_oracle_of_levenberg_marquardt_solves_rosenbrock_in_residuals() -> None:

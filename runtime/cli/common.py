@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any
 
 import typer
 from rich.progress import (
@@ -71,28 +71,14 @@ Seed = Annotated[
 ]
 
 
-class Described(Protocol):
-    """A record of a registry with a sentence for help texts."""
-
-    @property
-    def name(self) -> str:
-        """Word by which a user selects it."""
-
-    @property
-    def sentence(self) -> str:
-        """What it is."""
-
-
 def sentences_of(registry: Registry[Any]) -> str:
     """`name: sentence` of every record for an option's help; a faulty plugin keeps its name."""
     parts = []
     for name in registry:
         try:
-            record: Described = registry[name]
+            parts.append(f"{name}: {registry[name].sentence}")
         except RuntimeFault:
             parts.append(f"{name}: a plugin that cannot be imported")
-        else:
-            parts.append(f"{name}: {record.sentence}")
     return "; ".join(parts)
 
 

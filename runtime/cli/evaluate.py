@@ -83,17 +83,11 @@ def _walking(
 ) -> None:
     """Print the errors of the rows of a free base, low-passed as the log of identify."""
     band = saved.preparation.cutoff_hz if cutoff is None else cutoff
-    errors = free_base_errors(read_free_base(Path(log)), lib, saved, band)
-    columns = {key: getattr(errors, key).tolist() for key in ("size", "before", "after")}
+    names, errors = free_base_errors(read_free_base(Path(log)), lib, saved, band)
     if as_json:
-        facts = {
-            "robot": lib.name,
-            "rows": list(errors.names),
-            "rms": columns,
-            "notes": list(notes),
-        }
+        facts = {"robot": lib.name, "rows": list(names), "rms": errors, "notes": list(notes)}
         print(json_text(facts, allow_nan=True), end="")
         return
-    print_errors(f"{lib.name}: errors on {Path(log).name}", errors.names, *columns.values())
+    print_errors(f"{lib.name}: errors on {Path(log).name}", names, *errors.values())
     for note in notes:
         say(f"note: {note}")

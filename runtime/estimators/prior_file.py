@@ -310,7 +310,7 @@ class _Rows:
         """Add Σ m = value, or lowest ≤ Σ m ≤ highest."""
         low, high = given if isinstance(given, tuple) else (given, given)
         if not high > 0 or low > high:
-            self._refuse(name, _MASS, given)
+            _refuse(self._where, f"{_MASS} for {name}", given)
         total = np.asarray(sum(self._unit(link, "m") for link in links))
         if isinstance(given, tuple):
             self.bounds += [ConstraintRow(name, total, high), ConstraintRow(name, -total, -low)]
@@ -321,7 +321,7 @@ class _Rows:
         """Add lowest ≤ c ≤ highest as lowest m ≤ m c ≤ highest m."""
         name, (low, high) = f"{link}.com_box", np.array(corners)
         if not (low <= high).all():
-            self._refuse(name, _BOX, corners)
+            _refuse(self._where, f"{_BOX} for {name}", corners)
         mass = self._unit(link, "m")
         for axis, key in enumerate(("mX", "mY", "mZ")):
             moment = self._unit(link, key)
@@ -336,7 +336,7 @@ class _Rows:
         try:
             facets = ConvexHull(np.array(points)).equations
         except (QhullError, ValueError):
-            self._refuse(name, _HULL, points)
+            _refuse(self._where, f"{_HULL} for {name}", points)
         moments = np.array([self._unit(link, key) for key in ("mX", "mY", "mZ")])
         mass = self._unit(link, "m")
         for facet in facets:
@@ -352,11 +352,6 @@ class _Rows:
         row = np.zeros(self._lib.pi0.size)
         links(row)[self._lib.link_names.index(link), PI_NAMES.index(key)] = 1.0
         return row
-
-    def _refuse(self, name: str, wanted: str, came: object) -> NoReturn:
-        raise IdentificationError(
-            f"{self._where} expects {wanted} for {name}, got {came!r:.60}; correct it"
-        )
 
 
 def _armature(stated: Stated, path: Path, lib: Library) -> Array | None:

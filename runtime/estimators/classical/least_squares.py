@@ -171,7 +171,7 @@ def fit_of_pi(
 
 def fit_wls(problem: Problem) -> Fit:
     """Identify base parameters and friction with weights from the residuals."""
-    _, weights, silent = _reweighted(
+    _, weights, silent = reweighted(
         problem.lib,
         partial(problem.samples, "train"),
         problem.friction_names,
@@ -194,19 +194,13 @@ def fit_wls(problem: Problem) -> Fit:
 
 
 def reweighted(
-    lib: Library, samples: Samples, terms: tuple[str, ...], known: NDArray[np.bool_] | None = None
-) -> tuple[Solution, Array, str]:
-    """Solve by iteratively reweighted least squares: known (n k,) → (n,)."""
-    return _reweighted(lib, lambda: (samples,), terms, known)
-
-
-def _reweighted(
     lib: Library,
     pieces: Callable[[], Iterable[Samples]],
     terms: tuple[str, ...],
     known: NDArray[np.bool_] | None,
     passes: int = PASSES,
 ) -> tuple[Solution, Array, str]:
+    """Solve by iteratively reweighted least squares: known (n k,) → (n,)."""
     weights, silent = np.ones(lib.n_joints), ""
     for _ in range(passes):
         solution = solve(compress_all(lib, pieces(), weights), lib, terms, known)

@@ -146,7 +146,8 @@ def _continued(
     tasks, places = [], []
     for k, (minimum, start) in enumerate(zip(minima, starts, strict=True)):
         problem = minimum.problem
-        if minimum.converged or not _is_inside(problem, start):
+        is_inside = start is None or problem.prior.bodies.log_det(start) is not None
+        if minimum.converged or not is_inside:  # every body of the first point is consistent
             continue
         tasks.append(_task(problem, factors(problem, problem.prior.centre)))
         places.append(k)
@@ -158,11 +159,6 @@ def _continued(
     ):
         results[k] = better(minima[k], _minimum(minima[k].problem, answer))
     return results
-
-
-def _is_inside(problem: ConvexProblem, start: Array | None) -> bool:
-    """Whether every body of the first point is strictly consistent."""
-    return start is None or problem.prior.bodies.log_det(start) is not None
 
 
 def _task(problem: ConvexProblem, gammas: Array, start: Array | None = None) -> ConvexTask:

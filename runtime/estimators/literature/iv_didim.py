@@ -178,7 +178,7 @@ def fit_iv(problem: Problem, log: Origin | None = None) -> Fit:
     """Identify by IDIM-IV with the weights of IDIM-WLS; falls back to IDIM-WLS where it fails."""
     lib, train = problem.lib, problem.train
     log, controller = _controlled(log, "iv")
-    kept, weights, _ = reweighted(lib, train, log.friction.columns, problem.left_out)
+    kept, weights, _ = reweighted(lib, lambda: (train,), log.friction.columns, problem.left_out)
     now, why = _first(problem), f"the estimate still moves after {IV_ITERATIONS} simulations"
     for iteration in range(1, IV_ITERATIONS + 1):
         try:

@@ -246,7 +246,7 @@ class _Fit:
         return DelayProfile(
             delays,
             loss,
-            _vertex(delays, loss, best),
+            vertex(delays, loss, best),
             _interval(delays, loss, chdtri(1, 0.05) / 2),
             float(1.0 - np.exp(ratio.mean())) if used.any() else 0.0,
         )
@@ -261,15 +261,14 @@ class _Fit:
         return rest
 
 
-def _vertex(x: Array, y: Array, k: int) -> float:
+def vertex(x: Array, y: Array, k: int) -> float:
     """Least point of the parabola through the lowest value and its neighbours."""
     if not 0 < k < len(x) - 1:
         return float(x[k])
     low, mid, high = y[k - 1 : k + 2]
     curve = low - 2 * mid + high
-    return (
-        float(x[k] - (x[k + 1] - x[k]) * (high - low) / (2 * curve)) if curve > 0 else float(x[k])
-    )
+    shift = (x[k + 1] - x[k]) * (high - low) / (2 * curve) if curve > 0 else 0.0
+    return float(x[k] - shift)
 
 
 def _interval(x: Array, y: Array, limit: float) -> tuple[float, float]:

@@ -142,20 +142,14 @@ def uncertainty_of(
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RowErrors:
-    """RMS of the right side of k rows, and of their errors, (k,) each."""
-
-    names: tuple[str, ...]  # of the rows
-    size: Array  # RMS of the measured forces and torques
-    before: Array  # RMS errors of the URDF
-    after: Array  # RMS errors of the result, its friction, delay and errors of sensors included
-
-
 def free_base_errors(
     recording: FreeBaseRecording, lib: Library, saved: SavedResult, cutoff_hz: float | None
-) -> RowErrors:
-    """Errors of a result on another log of the robot, low-passed at the cut-off [Hz]."""
+) -> tuple[tuple[str, ...], dict[str, list[float]]]:
+    """Errors of a result on another log of the robot, low-passed at the cut-off [Hz].
+
+    Names of the k rows, and RMS of the measured forces and torques (`size`), of errors of the URDF
+    (`before`), and of those of the result with friction, delay and errors of sensors (`after`).
+    """
     record, drives, late = saved.record, None, 0.0
     if recording.is_commanded:
         recording, _ = with_contact_states(recording, lib)
@@ -172,11 +166,8 @@ def free_base_errors(
     sensors = [known[n].value if n in known else 0.0 for n in error_names(motion.contacts)]
     phi = np.concatenate([np.array(sensors, dtype=float), saved.phi.ravel() if drives else []])
     measured = rows.samples.tau
+    before = rows.samples.rigid(lib, lib.pi0)
     after = rows.samples.rigid(lib, saved.pi) + rows.samples.columns @ phi
     names, shown = rows.shown(drives is not None)
-    return RowErrors(
-        names,
-        rms(shown(measured)),
-        rms(shown(rows.samples.rigid(lib, lib.pi0) - measured)),
-        rms(shown(after - measured)),
-    )
+    each = {"size": measured, "before": before - measured, "after": after - measured}
+    return names, {key: rms(shown(values)).tolist() for key, values in each.items()}

@@ -25,7 +25,7 @@ from runtime.common.settings import (
     output_field,
 )
 from runtime.common.tables import Table
-from runtime.common.terminal import VERBOSE, command_line, completing, say, show
+from runtime.common.terminal import VERBOSE, command_line, completing, say, say_notes, show
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import METHODS, methods_from_statistics
 from runtime.identification.comparison.output import LEGEND, write_comparison
@@ -143,20 +143,12 @@ def compare_command(given: CompareSettings) -> None:
         )
         assembly = assemble_streamed(data.streamed, lib, **options)
         notes = (*notes, assembly.source_note)
-    settings = {
+    same = ("recipe", "run", "friction", "coulomb_speed", "cutoff", "rate", "split", "regressor")
+    settings = {name: getattr(given, name) for name in (*same, "seed")} | {
         "methods": list(names),
-        "recipe": given.recipe,
-        "run": given.run,
-        "friction": given.friction,
-        "coulomb_speed": given.coulomb_speed,
-        "cutoff": given.cutoff,
-        "rate": given.rate,
-        "split": given.split,
         "stream": streams,
-        "regressor": given.regressor,
         "loop": None if given.controller is None else given.controller.name,
         "truth": None if place is None else place.name,
-        "seed": given.seed,
     }
     comparison = _with_progress(assembly, names, known)
     keep_earlier(folder, _WRITTEN)
@@ -188,8 +180,7 @@ def _compare_results(given: CompareSettings, other: Path) -> None:
         show(table)
     for sentence in both.sentences:
         say(sentence)
-    for note in both.notes:
-        say(f"note: {note}")
+    say_notes(both.notes)
     say(f"report: {page}")
 
 
@@ -229,7 +220,6 @@ def _finish(facts: dict[str, Any], folder: Path) -> None:
     say("")
     for sentence in facts["advice"]["sentences"]:
         say(f"advice: {sentence}")
-    for note in facts["notes"]:
-        say(f"note: {note}")
+    say_notes(facts["notes"])
     say(f"table:  {folder / 'compare.md'}")
     say(f"report: {write_report(folder)}")

@@ -3,16 +3,15 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from runtime.cli.common import open_robot
 from runtime.cli.free_base import print_errors
 from runtime.cli.log_options import LaterLogChoices
 from runtime.common.files import json_text
 from runtime.common.settings import output_field
-from runtime.common.terminal import say, show
+from runtime.common.terminal import say, say_notes, show
 from runtime.identification.evaluation import evaluate, position_table
 from runtime.identification.free_base.result import free_base_errors
 from runtime.identification.result_tables import error_table
-from runtime.identification.saved_result import SavedResult, read_result, require_model
+from runtime.identification.saved_result import SavedResult
 from runtime.library import Library
 from runtime.recording.free_base import read_free_base
 
@@ -42,12 +41,8 @@ def evaluate_command(given: EvaluateSettings) -> None:
 
     A log whose recipe names no filter is prepared in the same way as the log of identify.
     """
-    saved = read_result(given.result, with_learned=True)
-    lib = open_robot(
-        given.robot or saved.record.robot, given.yes, takes_free_base=saved.record.is_free
-    )
+    saved, lib, notes = given.opened(given.result, learned=True, free_base=True)
     if saved.record.is_free:
-        notes = require_model(saved.record, lib, given.result)
         _walking(saved, lib, given.log, given.cutoff, notes, given.as_json)
         return
     done = evaluate(
@@ -69,8 +64,7 @@ def evaluate_command(given: EvaluateSettings) -> None:
     if done.position_errors is not None:
         show(position_table(saved.record.joints, done.position_errors))
     say(f"{done.mass_matrix.sentence()}.")
-    for note in done.notes:
-        say(f"note: {note}")
+    say_notes(done.notes)
 
 
 def _walking(
@@ -89,5 +83,4 @@ def _walking(
         print(json_text(facts, allow_nan=True), end="")
         return
     print_errors(f"{lib.name}: errors on {Path(log).name}", names, *errors.values())
-    for note in notes:
-        say(f"note: {note}")
+    say_notes(notes)

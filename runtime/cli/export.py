@@ -5,12 +5,11 @@ from pathlib import Path
 
 import typer
 
-from runtime.cli.common import listed, open_robot
+from runtime.cli.common import listed
 from runtime.cli.log_options import ResultChoices
 from runtime.common.settings import output_field
-from runtime.common.terminal import completing, say
+from runtime.common.terminal import completing, say, say_notes
 from runtime.errors import ExportError
-from runtime.identification.saved_result import read_result, require_model
 from runtime.outputs.model_files.drives import drives_of
 from runtime.outputs.model_files.export import export_model
 from runtime.outputs.model_files.export_format import EXPORT_FORMATS, usual_formats
@@ -56,11 +55,7 @@ def export_command(given: ExportSettings) -> None:
     casadi is written only where it is named.
     """
     kinds = listed(given.to, tuple(EXPORT_FORMATS), "--to") if given.to else usual_formats()
-    saved = read_result(given.result, with_learned=True)
-    lib = open_robot(
-        given.robot or saved.record.robot, given.yes, takes_free_base=saved.record.is_free
-    )
-    notes = require_model(saved.record, lib, given.result, same_bodies=True)
+    saved, lib, notes = given.opened(given.result, True, free_base=True, same_bodies=True)
     terms, folder = saved.friction, given.out or given.result / "export"
     done = export_model(
         lib,
@@ -74,8 +69,7 @@ def export_command(given: ExportSettings) -> None:
     )
     for each in done:
         say(f"{each.kind}: {f'{each.path} ({each.sentence})' if each.path else each.sentence}")
-    for note in notes:
-        say(f"note: {note}")
+    say_notes(notes)
     if springs := springs_left_out(lib):
         say(f"note: {springs}")
     if saved.learned is not None:

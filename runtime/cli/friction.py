@@ -3,19 +3,19 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from runtime.cli.common import Overwrite, open_robot
+from runtime.cli.common import Overwrite
 from runtime.cli.log_options import LaterLogChoices, Parts, split_of
 from runtime.common.files import require_unused
 from runtime.common.settings import FILE, output_field
 from runtime.common.tables import Table
-from runtime.common.terminal import command_line, say, show
+from runtime.common.terminal import command_line, say, say_notes, show
 from runtime.identification.identified import torque_errors
 from runtime.identification.kept_links import FrictionOfLog, identify_friction
 from runtime.identification.prepared_log import preparation_of
 from runtime.identification.result_file import write_result
 from runtime.identification.result_record import error_parts
 from runtime.identification.result_tables import error_table, tested_on
-from runtime.identification.saved_result import SavedResult, read_result, require_model
+from runtime.identification.saved_result import SavedResult
 from runtime.identification.settings import Settings
 from runtime.outputs.model_files.export import write_urdf
 from runtime.outputs.report.report import write_report
@@ -56,9 +56,7 @@ def friction_command(given: FrictionSettings) -> None:
     """
     folder = given.out or Path("results") / f"{Path(given.log).stem}-friction"
     require_unused((folder / name for name in (*_WRITTEN, *_STALE)), given.overwrite)
-    saved = read_result(given.result)
-    lib = open_robot(given.robot or saved.record.robot, given.yes)
-    notes = require_model(saved.record, lib, given.result)
+    saved, lib, notes = given.opened(given.result)
     recording = saved.log_of(given.log, lib, given.recipe, given.run)
     preparation = preparation_of(recording, given.cutoff, given.rate)
     if preparation is None and recording.preparation == Preparation():
@@ -75,8 +73,7 @@ def friction_command(given: FrictionSettings) -> None:
     table = error_table(*record.rows_of_errors, *errors, title, note)
     for each in (table, _coefficients(renewed, saved)):
         show(each)
-    for note in (*notes, *record.warnings):
-        say(f"note: {note}")
+    say_notes((*notes, *record.warnings))
     urdf = folder / "identified.urdf"
     if renewed.result.is_consistent:
         arguments = (renewed.result.pi, urdf, renewed.result.friction, renewed.result.usual_phi)

@@ -9,7 +9,7 @@ from runtime.cli.common import open_robot, write_recipe
 from runtime.cli.log_options import BodyChoices, CoulombSpeed
 from runtime.common.settings import argument_field, data_field, model_field, output_field
 from runtime.common.tables import Table
-from runtime.common.terminal import command_line, completing, say, show
+from runtime.common.terminal import command_line, completing, say, say_notes, show
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.current_gains import Weighed, current_gains, of_gain_one
@@ -128,8 +128,7 @@ def gains_command(given: GainsSettings) -> None:
             f"Gains of torque: {gains.status}.",
             f"Biases, not taken off: {biases[0]} empty, {biases[1]} loaded, N·m or N.",
         )
-    for note in (*chosen, *notes):
-        say(f"note: {note}")
+    say_notes((*chosen, *notes))
     if given.recipe_out is not None:
         torque = replace(plan.signals()["torque"], gain=factors)
         text = recipe_text(plan.replace(torque=torque), *head, command_line())

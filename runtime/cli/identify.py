@@ -26,7 +26,7 @@ from runtime.cli.log_options import prior_of, runs_of
 from runtime.cli.shown_progress import ShownProgress
 from runtime.common.settings import FILE
 from runtime.common.tables import Table
-from runtime.common.terminal import VERBOSE, command_line, program, say, show
+from runtime.common.terminal import VERBOSE, command_line, program, say, say_notes, show
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.contradictions import FOLLOWS
 from runtime.estimators.descent.fit import PRESETS
@@ -151,8 +151,7 @@ def _print_details(result: Identification, record: ResultRecord) -> None:
     if record.uncertainty is not None:
         say(f"advice: {record.uncertainty.advice}")
     say(f"time of the method: {result.seconds:.3f} s")
-    for warning in record.warnings:
-        say(f"note: {warning}")
+    say_notes(record.warnings)
 
 
 def _written(result: Identification, folder: Path, given: IdentifySettings) -> list[str]:

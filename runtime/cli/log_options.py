@@ -7,7 +7,15 @@ from typing import Annotated, Any
 
 import typer
 
-from runtime.cli.common import Overwrite, RobotChoices, Seed, Yes, numbers_option, robots
+from runtime.cli.common import (
+    Overwrite,
+    RobotChoices,
+    Seed,
+    Yes,
+    numbers_option,
+    open_robot,
+    robots,
+)
 from runtime.common.settings import (
     Choices,
     argument_field,
@@ -21,6 +29,7 @@ from runtime.common.terminal import completing
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import METHODS
 from runtime.estimators.prior_file import PriorFile, read_prior
+from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.identification.settings import AUTO
 from runtime.library import Library
 from runtime.recording import EVERYTHING, REGRESSORS, Friction, Split
@@ -161,6 +170,22 @@ class OfResult(Choices):
         autocompletion=robots, help="Name or folder of the robot; default that of the result."
     )
     yes: Yes = False
+
+    def opened(
+        self,
+        result: Path,
+        learned: bool = False,
+        free_base: bool = False,
+        same_bodies: bool = False,
+    ) -> tuple[SavedResult, Library, tuple[str, ...]]:
+        """A result, its robot or the named one, and notes on the model.
+
+        learned, free_base: whether friction beyond columns and a free base are taken.
+        """
+        saved = read_result(result, with_learned=learned)
+        free_base = free_base and saved.record.is_free
+        lib = open_robot(self.robot or saved.record.robot, self.yes, takes_free_base=free_base)
+        return saved, lib, require_model(saved.record, lib, result, same_bodies)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

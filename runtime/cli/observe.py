@@ -7,21 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from runtime.cli.common import (
-    Overwrite,
-    ResultFolder,
-    keep_earlier,
-    open_robot,
-    require_result_folder,
-)
+from runtime.cli.common import Overwrite, ResultFolder, keep_earlier, require_result_folder
 from runtime.cli.log_options import Log, OfResult, Recipe, Run
 from runtime.common.files import json_text, replacing, write_json
 from runtime.common.settings import FILE, data_field, method_field, model_field, output_field
 from runtime.common.tables import Table, significant
-from runtime.common.terminal import command_line, say, show
+from runtime.common.terminal import command_line, say, say_notes, show
 from runtime.errors import ExportError, IdentificationError
 from runtime.identification.posterior_file import read_posterior
-from runtime.identification.saved_result import SavedResult, read_result, require_model
+from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.library.manifest import file_units
 from runtime.monitoring.calibration import FreeMotion, Tail, calibrated_on, rate_interval, verified
@@ -129,9 +123,7 @@ def observe_command(given: ObserveSettings) -> None:
     rate = alarm_rate(given.false_alarms)
     folder = given.out or (given.model if given.model.is_dir() else given.model.parent) / "observe"
     require_result_folder(folder, _WRITTEN, given.overwrite)
-    saved = read_result(given.model)
-    lib = open_robot(given.robot or saved.record.robot, given.yes)
-    notes = list(require_model(saved.record, lib, given.model))
+    saved, lib, notes = given.opened(given.model)
     known = model_of(saved, lib)
     data = _read(lib, known, saved.log_of(given.log, lib, given.recipe, given.run))
     root, note = _root(given.model, saved, lib)
@@ -161,7 +153,7 @@ def observe_command(given: ObserveSettings) -> None:
     if bag is not None:
         texts[torque_mcap.FILES[1]] = torque_mcap.plotjuggler_layout(lib.joint_names)
     facts = _facts(lib, detector, seen, check, data, given.link, tails) | {
-        "notes": notes + note * (not tails) + raised + left_out
+        "notes": [*notes, *(note if not tails else ()), *raised, *left_out]
     }
     keep_earlier(folder, _WRITTEN)
     _write(lib, saved, seen, facts, folder)
@@ -322,6 +314,5 @@ def _show(facts: dict[str, Any], folder: Path) -> None:
             f"free motion: {check['alarms']} alarms, {significant(check['expected'])} expected; "
             f"so many or more have a probability of {check['probability']:.2g} at the stated rate"
         )
-    for note in facts["notes"]:
-        say(f"note: {note}")
+    say_notes(facts["notes"])
     say(f"files: {folder}")

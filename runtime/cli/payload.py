@@ -8,7 +8,7 @@ from runtime.cli.log_options import BodyChoices
 from runtime.common.files import json_text
 from runtime.common.settings import FILE, argument_field, data_field, model_field, output_field
 from runtime.common.tables import Table
-from runtime.common.terminal import command_line, say, show
+from runtime.common.terminal import command_line, say, say_notes, show
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.payload.arm import arm_model, read_arm_model
 from runtime.identification.payload.body import NAMES, Payload
@@ -101,8 +101,7 @@ def payload_command(given: PayloadSettings) -> None:
     say(f"status: {payload.status}")
     way = "against the empty run" if payload.differential else f"arm: {payload.arm}"
     say(f"{way}; {payload.n_samples} samples count as {payload.n_effective:.0f} independent ones")
-    for note in (*chosen, *payload.notes):
-        say(f"note: {note}")
+    say_notes((*chosen, *payload.notes))
     say(f"written: {', '.join(map(str, paths))}")
 
 

@@ -11,16 +11,14 @@ from runtime.cli.common import (
     Seed,
     keep_earlier,
     listed,
-    open_robot,
     require_result_folder,
 )
 from runtime.cli.log_options import ResultChoices
 from runtime.common.settings import FILE, output_field
 from runtime.common.tables import significant
-from runtime.common.terminal import completing, console, say
+from runtime.common.terminal import completing, console, say, say_notes
 from runtime.errors import IdentificationError
 from runtime.identification.posterior_file import read_posterior
-from runtime.identification.saved_result import read_result, require_model
 from runtime.monitoring.posterior_draws import draw_models
 from runtime.outputs.model_files.export_format import EXPORT_FORMATS
 from runtime.outputs.model_files.randomisation import (
@@ -90,11 +88,7 @@ def sample_command(given: SampleSettings) -> None:
     files = (*(path.name for path in paths), FILE)
     kind = ResultFolder("sample", files, "factors")
     require_result_folder(folder, kind, given.overwrite)
-    saved = read_result(given.result)
-    lib = open_robot(
-        given.robot or saved.record.robot, given.yes, takes_free_base=saved.record.is_free
-    )
-    notes = require_model(saved.record, lib, given.result, same_bodies=True)
+    saved, lib, notes = given.opened(given.result, free_base=True, same_bodies=True)
     posterior = read_posterior(given.result, saved, lib)
     rng = np.random.default_rng(given.seed)
     with console.status("drawing models"):
@@ -114,7 +108,6 @@ def sample_command(given: SampleSettings) -> None:
     thick = zip(lib.link_names, draws.thickened, strict=True)
     if raised := [f"{name} × {significant(float(by))}" for name, by in thick if by > 1.01]:
         notes = (*notes, THICKENED.format(", ".join(raised)))
-    for note in notes:
-        say(f"note: {note}")
+    say_notes(notes)
     written = [path.name for path in randomiser_paths(folder, randomisers)]
     say(f"files: {', '.join([str(folder / TABLE), *written])}")

@@ -10,15 +10,14 @@ from typing import Any
 import numpy as np
 import typer
 
-from runtime.cli.common import open_robot
 from runtime.cli.log_options import Recipe, ResultChoices, bundled_logs
 from runtime.common.files import bytes_of, json_text
 from runtime.common.settings import argument_field, data_field, output_field
 from runtime.common.tables import Table
-from runtime.common.terminal import say, show
+from runtime.common.terminal import say, say_notes, show
 from runtime.errors import RecordingError
 from runtime.identification.posterior_file import read_posterior
-from runtime.identification.saved_result import SavedResult, read_result, require_model
+from runtime.identification.saved_result import SavedResult
 from runtime.library import Library
 from runtime.monitoring.drift import ALPHA, Change, Verdict, baseline_of, verdict_of
 from runtime.monitoring.model import model_of
@@ -83,9 +82,7 @@ def watch_command(given: WatchSettings) -> None:
 
     The exit code is 1 where a log shows a change (p below 0.01), else 0.
     """
-    saved = read_result(given.result)
-    lib = open_robot(given.robot or saved.record.robot, given.yes)
-    notes = require_model(saved.record, lib, given.result)
+    saved, lib, notes = given.opened(given.result)
     root = read_posterior(given.result, saved, lib).of_readings().root(lib)
     model = model_of(saved, lib)
     sigma = np.sqrt(np.mean(read_held_out(given.result, model).rest ** 2, axis=0))
@@ -128,8 +125,7 @@ def watch_command(given: WatchSettings) -> None:
     else:
         for verdict in verdicts:
             _show(verdict)
-        for note in notes:
-            say(f"note: {note}")
+        say_notes(notes)
     if any(verdict.changed for verdict in verdicts):
         raise typer.Exit(1)
 

@@ -31,6 +31,12 @@ def say(text: str) -> None:
     console.print(as_typed(text), highlight=False, soft_wrap=True, markup=False)
 
 
+def say_notes(notes: Iterable[str]) -> None:
+    """Print notes, a line each."""
+    for note in notes:
+        say(f"note: {note}")
+
+
 def show(table: Table) -> None:
     """Print a table: numbers on the right, no word broken, without borders where it is wide."""
     lines = [row for row in (*table.rows, table.total) if row]

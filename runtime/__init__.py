@@ -25,8 +25,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from runtime.estimators.choice.default_friction import choose_default_friction
     from runtime.estimators.choice.friction_choice import choose_friction
-    from runtime.estimators.descent.adam import Preset
-    from runtime.estimators.descent.fit import PRESETS
+    from runtime.estimators.descent.fit import PRESETS, Preset
     from runtime.estimators.methods import METHODS
     from runtime.excitation.search.design import Design, excite
     from runtime.excitation.search.design_settings import DesignSettings
@@ -94,8 +93,7 @@ __all__ = [
 _MODULES = {
     "runtime.estimators.choice.default_friction": ("choose_default_friction",),
     "runtime.estimators.choice.friction_choice": ("choose_friction",),
-    "runtime.estimators.descent.adam": ("Preset",),
-    "runtime.estimators.descent.fit": ("PRESETS",),
+    "runtime.estimators.descent.fit": ("PRESETS", "Preset"),
     "runtime.estimators.methods": ("METHODS",),
     "runtime.excitation.search.design": ("Design", "excite"),
     "runtime.excitation.search.design_settings": ("DesignSettings",),

@@ -10,8 +10,7 @@ from runtime.common.settings import FILE, argument_field, data_field, model_fiel
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, say, say_notes, show
 from runtime.estimators.regression.samples import NORMAL_95
-from runtime.identification.payload.arm import arm_model, read_arm_model
-from runtime.identification.payload.body import NAMES, Payload
+from runtime.identification.payload.body import NAMES, Payload, arm_model, read_arm_model
 from runtime.identification.payload.estimate import identify_payload
 from runtime.identification.payload.output import FILES, load_facts, write_payload
 from runtime.identification.prepared_log import filter_for_accelerations

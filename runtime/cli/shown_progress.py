@@ -7,7 +7,7 @@ from rich.table import Table
 from runtime.common.terminal import VERBOSE, console, say
 from runtime.estimators.choice.friction_choice import FrictionChoice
 from runtime.estimators.choice.regressor_choice import CutoffChoice
-from runtime.identification.progress import Progress
+from runtime.identification.settings import Progress
 
 
 class ShownProgress(Progress):

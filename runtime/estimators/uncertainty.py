@@ -26,7 +26,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from runtime.estimators.contradictions import ModelTests, model_tests
-from runtime.estimators.convex.eliminate_friction import reduce
 from runtime.estimators.convex.entropic_prior import (
     CAD,
     NONE,
@@ -37,9 +36,8 @@ from runtime.estimators.convex.entropic_prior import (
 )
 from runtime.estimators.prior_file import prior_about
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of
-from runtime.estimators.regression.factor import Statistics, compress
-from runtime.estimators.regression.model_error import model_error_of
-from runtime.estimators.regression.omitted_columns import free_fit
+from runtime.estimators.regression.factor import Statistics, compress, reduce
+from runtime.estimators.regression.model_error import free_fit, model_error_of
 from runtime.estimators.regression.posterior import DETERMINED, Posterior, posterior_of
 from runtime.estimators.regression.samples import (
     LAGS,

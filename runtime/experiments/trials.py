@@ -16,8 +16,15 @@ from numpy.typing import NDArray
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.pc_ols import fit_pc_ols
 from runtime.estimators.convex.map_estimate import fit_map
-from runtime.estimators.descent.adam import Preset, Watch
-from runtime.estimators.descent.fit import PRESETS, fit_levenberg, fit_many, fit_of, start_of
+from runtime.estimators.descent.fit import (
+    PRESETS,
+    Preset,
+    Watch,
+    fit_levenberg,
+    fit_many,
+    fit_of,
+    start_of,
+)
 from runtime.estimators.optimizers import Status, adam
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.factor import TorqueObjective

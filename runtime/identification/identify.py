@@ -23,8 +23,7 @@ from runtime.errors import IdentificationError
 from runtime.estimators.convex.constraints import Constraints
 from runtime.estimators.methods import METHODS, chosen_method
 from runtime.estimators.prior_file import PriorFile
-from runtime.estimators.regression.dry_friction_choice import with_dry_friction
-from runtime.estimators.regression.recorded_delay import with_delay
+from runtime.estimators.regression.recorded_delay import with_delay, with_dry_friction
 from runtime.identification.drive.estimate import NO_BIAS, identify_drive
 from runtime.identification.drive.result import DriveFit, DriveRequest
 from runtime.identification.drive.symmetry import (
@@ -42,12 +41,14 @@ from runtime.identification.prepared_log import (
     without_memory,
 )
 from runtime.identification.problem_setup import settings_for
-from runtime.identification.progress import SILENT, Progress, progress_of
 from runtime.identification.settings import (
     AUTO,
     PER_JOINT,
+    SILENT,
+    Progress,
     SettingKeywords,
     Settings,
+    progress_of,
     settings_from,
 )
 from runtime.identification.several_logs import NamedLog

@@ -29,14 +29,20 @@ import numpy as np
 
 from runtime.common.threads import cores, one_blas_thread
 from runtime.errors import IdentificationError, RecordingError
-from runtime.estimators.descent.adam import Preset
+from runtime.estimators.descent.fit import Preset
 from runtime.estimators.methods import chosen_method, methods_from_statistics, require_method
 from runtime.estimators.regression.samples import residuals, samples_of
 from runtime.identification.identified import Identification, WholeLog
 from runtime.identification.metrics import TorqueError, torque_error_of
 from runtime.identification.problem_setup import PARTS, Assembly, FitOfAssembly, assembled
-from runtime.identification.progress import SILENT, Progress
-from runtime.identification.settings import Settings, bare_settings, shares_of, terms_of
+from runtime.identification.settings import (
+    SILENT,
+    Progress,
+    Settings,
+    bare_settings,
+    shares_of,
+    terms_of,
+)
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.consistency import check_consistency, require_plausible

@@ -15,10 +15,9 @@ from numpy.typing import ArrayLike
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.eliminate_friction import reduce
 from runtime.estimators.convex.entropic_prior import CAD, Prior, prior_of
 from runtime.estimators.convex.newton import ConvexProblem, convex_problem
-from runtime.estimators.regression.factor import Statistics, compress, from_triangle
+from runtime.estimators.regression.factor import Statistics, compress, from_triangle, reduce
 from runtime.estimators.regression.samples import Samples
 from runtime.identification.expected_accuracy.expected import (
     SECONDS,

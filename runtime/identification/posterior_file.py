@@ -34,8 +34,8 @@ from scipy.linalg import solve_triangular
 
 from runtime.common.files import replacing, require_file
 from runtime.errors import IdentificationError, RecordingError
-from runtime.estimators.convex.eliminate_friction import Elimination, Reduced, reduce
 from runtime.estimators.convex.entropic_prior import bodies_of
+from runtime.estimators.regression.factor import Elimination, Reduced, reduce
 from runtime.estimators.regression.posterior import posterior_of
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.estimators.uncertainty import LogInformation, without_gains

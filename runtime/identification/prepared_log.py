@@ -24,8 +24,15 @@ from runtime.estimators.choice.regressor_choice import (
 from runtime.estimators.methods import require_method
 from runtime.identification.current_gains import with_current_gains
 from runtime.identification.long_logs import head_of
-from runtime.identification.progress import SILENT, Progress
-from runtime.identification.settings import AUTO, CHOSEN, Settings, cutoff_of, friction_of
+from runtime.identification.settings import (
+    AUTO,
+    CHOSEN,
+    SILENT,
+    Progress,
+    Settings,
+    cutoff_of,
+    friction_of,
+)
 from runtime.identification.single_log import without_torque_columns
 from runtime.library import Library
 from runtime.recording import EVERYTHING, Friction, Preparation, Recording, Split

@@ -19,8 +19,14 @@ from runtime.estimators.problem import FrictionPrior, NoiseFloor, Origin, Proble
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.identification.current_gains import in_torque
 from runtime.identification.identified import Identification
-from runtime.identification.progress import SILENT, Progress
-from runtime.identification.settings import Settings, bare_settings, shares_of, terms_of
+from runtime.identification.settings import (
+    SILENT,
+    Progress,
+    Settings,
+    bare_settings,
+    shares_of,
+    terms_of,
+)
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.consistency import require_plausible

@@ -3,16 +3,20 @@
 One frozen `Settings` is the keywords of `identify` and the options of the command. It serves a
 single log, several logs, a streamed log and a comparison of methods. Each of them refuses the
 fields that it cannot use.
+
+What a caller sees of an identification while it runs.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, TypedDict
 
 from numpy.typing import ArrayLike
 
 from runtime.errors import IdentificationError
-from runtime.estimators.descent.adam import Preset
+from runtime.estimators.choice.friction_choice import FrictionChoice
+from runtime.estimators.choice.regressor_choice import CutoffChoice
+from runtime.estimators.descent.fit import Preset
 from runtime.estimators.prior_file import KnownFriction, PriorFile
 from runtime.estimators.problem import FrictionPrior
 from runtime.recording import Friction, Preparation, Recording, Split
@@ -236,3 +240,50 @@ def shares_of(recording: Recording | StreamedRecording, settings: Settings) -> S
     """Fractions of the parts: of the settings, else of the recipe, else the default."""
     recipe = recording.recipe
     return settings.split or (recipe.split if recipe else None) or Split()
+
+
+class Progress:
+    """Steps, choices and iterations of an identification; this one shows nothing."""
+
+    def step(self, sentence: str) -> None:
+        """Show the present step.
+
+        Args:
+            sentence: the step, such as "choosing a cut-off".
+        """
+
+    def choice(self, made: CutoffChoice | FrictionChoice) -> None:
+        """Show the candidates of a choice.
+
+        Args:
+            made: candidates with their errors, and the chosen one.
+        """
+
+    def iteration(self, done: int, best: float) -> None:
+        """Show an iteration of a method that iterates.
+
+        Args:
+            done: number of iterations.
+            best: best validation loss.
+        """
+
+
+SILENT = Progress()
+
+
+class Iterations(Progress):
+    """A callable that is shown the iterations alone."""
+
+    def __init__(self, call: Callable[[int, float], None]) -> None:
+        self._call = call
+
+    def iteration(self, done: int, best: float) -> None:
+        """Call it."""
+        self._call(done, best)
+
+
+def progress_of(given: Callable[[int, float], None] | Progress | None) -> Progress:
+    """The progress that a caller gives: a callable, all steps, or None."""
+    if given is None:
+        return SILENT
+    return given if isinstance(given, Progress) else Iterations(given)

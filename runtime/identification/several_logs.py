@@ -27,9 +27,8 @@ from runtime.identification.identified import Identification
 from runtime.identification.metrics import torque_error
 from runtime.identification.payload.body import read_payload_facts
 from runtime.identification.problem_setup import Assembly, FitOfAssembly, Parts, assembled
-from runtime.identification.progress import SILENT, Progress
 from runtime.identification.result_record import LeftOutPart, RepeatabilityPart, SessionsPart
-from runtime.identification.settings import Settings, shares_of, terms_of
+from runtime.identification.settings import SILENT, Progress, Settings, shares_of, terms_of
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, link_columns, links, mass
 from runtime.recording import Friction, Preparation, Recording, Split

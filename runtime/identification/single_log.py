@@ -48,8 +48,7 @@ from runtime.estimators.uncertainty import Uncertainty, uncertainty_of
 from runtime.identification.identified import Identification, TrainedModel, torque_of
 from runtime.identification.long_logs import assemble_streamed
 from runtime.identification.problem_setup import Assembly, assemble, note_for, settings_for
-from runtime.identification.progress import Progress, progress_of
-from runtime.identification.settings import Settings, bare_settings
+from runtime.identification.settings import Progress, Settings, bare_settings, progress_of
 from runtime.identification.several_logs import NamedLog, assemble_logs
 from runtime.library import Array, Library
 from runtime.recording import Friction, Recording

@@ -20,7 +20,6 @@ import numpy as np
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.compiled import solve
-from runtime.estimators.convex.eliminate_friction import Reduced
 from runtime.estimators.convex.entropic_prior import (
     AS_STATED,
     Bodies,
@@ -30,6 +29,7 @@ from runtime.estimators.convex.entropic_prior import (
     spread_of,
 )
 from runtime.estimators.convex.newton import convex_problem
+from runtime.estimators.regression.factor import Reduced
 from runtime.identification.posterior_file import SavedPosterior
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library

@@ -15,16 +15,14 @@ from bench import numpy_identify
 from bench.front import BenchError
 from runtime.errors import RuntimeFault
 from runtime.estimators.convex.compiled import follow_compiled, solve
-from runtime.estimators.convex.eliminate_friction import Reduced, reduce
 from runtime.estimators.convex.entropic_prior import CAD, prior_of
 from runtime.estimators.convex.map_estimate import fit_map
 from runtime.estimators.convex.newton import convex_problem
-from runtime.estimators.descent.adam import Preset
 from runtime.estimators.descent.descent import least_squares
-from runtime.estimators.descent.fit import fit_adam, start_of
+from runtime.estimators.descent.fit import Preset, fit_adam, start_of
 from runtime.estimators.optimizers import AdamOptions, LevenbergOptions, StoppingRule
 from runtime.estimators.problem import Problem
-from runtime.estimators.regression.factor import compress
+from runtime.estimators.regression.factor import Reduced, compress, reduce
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.excitation import COST_SAMPLES, ConditionCost, Trajectory
 from runtime.excitation.motion.trajectory import fourier_basis

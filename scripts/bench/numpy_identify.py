@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from runtime.estimators.optimizers import AdamOptions, AdamState, adam_step
+from runtime.estimators.optimizers import AdamOptions
 from runtime.estimators.regression.samples import Samples
 from runtime.excitation import COST_SAMPLES
 from runtime.excitation.motion.trajectory import fourier_basis
@@ -118,7 +118,10 @@ def _chain(lib: Library, matrix: Array, lam: Array, slope: Callable[[Array], Arr
 
 def _descend(start: Array, count: int, gradient: Callable[[Array], Array]) -> Array:
     """Adam, Eqs. 4.42–4.46."""
-    lam, state = start, AdamState(np.zeros_like(start), np.zeros_like(start), 0)
-    for _ in range(count):
-        state, lam = adam_step(state, lam, gradient(lam), AdamOptions(1e-4))
+    o, lam, m, v = AdamOptions(1e-4), start, np.zeros_like(start), np.zeros_like(start)
+    for step in range(1, count + 1):
+        g = gradient(lam)
+        m, v = o.beta1 * m + (1 - o.beta1) * g, o.beta2 * v + (1 - o.beta2) * g**2
+        size = np.sqrt(v / (1 - o.beta2**step)) + o.epsilon
+        lam = lam - o.learning_rate * m / (1 - o.beta1**step) / size
     return lam

@@ -148,8 +148,8 @@ def child(robot: str, path: str) -> None:
         "compress": streamed.samples["train"] / with_friction,
         "wall": wall,
         "peak": rss / 1e6,
-        "before": streamed.before.overall,
-        "after": streamed.after.overall,
+        "before": streamed.errors[0].overall,
+        "after": streamed.errors[1].overall,
     }
     print(json.dumps(facts))
 

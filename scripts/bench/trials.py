@@ -13,16 +13,14 @@ from runtime import Recording, identify_payload
 from runtime.common.threads import cores
 from runtime.estimators.classical.pc_ols import cone_optimum
 from runtime.estimators.convex.compiled import follow_many, solve_many
-from runtime.estimators.convex.eliminate_friction import reduce
 from runtime.estimators.convex.entropic_prior import CAD, prior_of
 from runtime.estimators.convex.newton import convex_problem
-from runtime.estimators.regression.factor import compress
+from runtime.estimators.regression.factor import compress, reduce
 from runtime.estimators.regression.samples import NORMAL_95, samples_of
 from runtime.excitation import Trajectory
 from runtime.experiments.trials import document_robot
 from runtime.identification import metrics
-from runtime.identification.payload.arm import arm_model
-from runtime.identification.payload.body import mount_of, pi_of_body
+from runtime.identification.payload.body import arm_model, mount_of, pi_of_body
 from runtime.identification.single_log import identify_recording as fit
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation

@@ -7,10 +7,15 @@ to all blocks but one and predicts the one that is left out, in units of the noi
 
     score = mean over blocks of ‖R_b x_b − r_b‖² + ρ_b over N_b n,  x_b from the other blocks
 
-All fits use triangular factors, one per block (`cross_validation`). A candidate with a width (ε,
+All fits use triangular factors, one per block. A candidate with a width (ε,
 v_s or z_c) takes the best of a geometric grid, the only nonlinear part. The chosen candidate is the
 simplest whose score is within one standard error of the best (Breiman et al. 1984, Sec. 3.4.3) or
 within `LEAST_GAIN`. AIC = N_eff ln(χ²/N) + 2 p is reported beside it.
+
+Cross-validation on contiguous blocks, shared by the choices of cut-off and friction model.
+
+Each block b is compressed to a triangular factor. An estimate x_b from the factors of all other
+blocks predicts block b. Contiguous blocks keep the correlation of neighbouring rows within a block.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,9 +27,8 @@ from scipy.optimize import minimize_scalar
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
-from runtime.estimators.choice.cross_validation import BLOCKS, LEAST_GAIN, misfit, predicted, solved
 from runtime.estimators.regression.coloured_noise import coloured_noise_of
-from runtime.estimators.regression.factor import compress
+from runtime.estimators.regression.factor import Statistics, compress
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.library import Array, Library, require_library
 from runtime.recording import Friction, Preparation, Recording, Split
@@ -32,6 +36,36 @@ from runtime.recording.friction.model import unresolved, without_columns
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.recording import require_recording
+
+BLOCKS = 5
+LEAST_GAIN = 0.005
+"""Share of the mean square error that a candidate must save to count as better than another."""
+_RANK = 1e-9
+
+
+def solved(stats: list[Statistics]) -> tuple[Array, int]:
+    """Least squares on several factors with normalised columns: x of least length, and the rank."""
+    factor = np.concatenate([s.factor for s in stats])
+    target = np.concatenate([s.target for s in stats])
+    lengths = np.linalg.norm(factor, axis=0)
+    lengths = np.where(lengths > 0, lengths, 1.0)
+    x, _, rank, _ = np.linalg.lstsq(factor / lengths, target, rcond=_RANK)
+    return x / lengths, int(rank)
+
+
+def predicted(lib: Library, block: Samples, x: Array) -> Array:
+    """Torque of x = [β; φ] on the rows of a block, (N, n) [N·m, N]."""
+    n_base = len(lib.base_columns)
+    rigid = block.base_rigid(lib, x[:n_base])
+    phi = x[n_base:].reshape(block.columns.shape[1:])
+    return np.asarray(rigid + block.friction(phi) if phi.size else rigid)
+
+
+def misfit(block: Statistics, x: Array) -> float:
+    """Weighted sum of squared residuals of x on one block."""
+    rest = block.factor @ x - block.target
+    return float(rest @ rest + block.rest)
+
 
 _BASE = ("offset", "viscous", "coulomb")
 FRICTION_MODELS: dict[str, tuple[str, ...]] = {

@@ -27,7 +27,7 @@ Candidates within `LEAST_GAIN` of the best score count as equal. Of these the on
 N_eff / N at `ROWS_PER_CUTOFF` f_c is chosen (N_eff by `coloured_noise`): the covariances of its fit
 are the least optimistic.
 
-This module and `cross_validation` are all of `--cutoff auto`.
+This module and `friction_choice` are all of `--cutoff auto`.
 """
 
 from dataclasses import dataclass, replace
@@ -38,7 +38,7 @@ import numpy as np
 from runtime.common.tables import significant
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError, RuntimeFault
-from runtime.estimators.choice.cross_validation import BLOCKS, LEAST_GAIN, predicted, solved
+from runtime.estimators.choice.friction_choice import BLOCKS, LEAST_GAIN, predicted, solved
 from runtime.estimators.regression.coloured_noise import coloured_noise_of
 from runtime.estimators.regression.factor import Statistics, compress
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights

@@ -19,12 +19,11 @@ from scipy.sparse import csc_matrix
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.least_squares import counted_in_links
 from runtime.estimators.convex.compiled import PATIENCE, SHRINK, Path, follow_compiled
-from runtime.estimators.convex.eliminate_friction import reduce
 from runtime.estimators.convex.entropic_prior import prior_of
 from runtime.estimators.friction_bounds import Bounds, bounds_of, notes_of, within_bounds
 from runtime.estimators.methods import Method
 from runtime.estimators.problem import Fit, Problem
-from runtime.estimators.regression.factor import Statistics
+from runtime.estimators.regression.factor import Statistics, reduce
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, pi_from_parts
 

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.estimators.convex.eliminate_friction import Reduced
 from runtime.estimators.convex.entropic_prior import Prior
 from runtime.estimators.convex.newton import (
     DECREMENT,
@@ -26,6 +25,7 @@ from runtime.estimators.convex.newton import (
     factors,
     minimise_anywhere,
 )
+from runtime.estimators.regression.factor import Reduced
 from runtime.library import Array, Library
 from runtime.library.compiled_descent import CompiledConvex, ConvexAnswer, ConvexTask
 from runtime.library.parameters import N_PARAMETERS

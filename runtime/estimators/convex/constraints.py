@@ -14,7 +14,6 @@ from scipy.linalg import block_diag, null_space
 from scipy.sparse import csc_matrix
 
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.eliminate_friction import Reduced
 from runtime.estimators.convex.entropic_prior import Prior
 from runtime.estimators.convex.newton import (
     HalfSpaces,
@@ -23,6 +22,7 @@ from runtime.estimators.convex.newton import (
     convex_problem,
     minimise_anywhere,
 )
+from runtime.estimators.regression.factor import Reduced
 from runtime.library import Array
 from runtime.library.parameters import N_PARAMETERS
 

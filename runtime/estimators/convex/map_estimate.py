@@ -14,7 +14,6 @@ from runtime.common.tables import significant
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.compiled import solve
 from runtime.estimators.convex.constraints import Constraints, constrained
-from runtime.estimators.convex.eliminate_friction import reduce
 from runtime.estimators.convex.entropic_prior import CAD, Prior
 from runtime.estimators.convex.newton import Minimum, convex_problem
 from runtime.estimators.friction_bounds import Bounds, Held, bounds_of, notes_of, within_bounds
@@ -22,7 +21,7 @@ from runtime.estimators.methods import Method
 from runtime.estimators.prior_file import PriorFile, prior_about
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of
-from runtime.estimators.regression.factor import Statistics, compress
+from runtime.estimators.regression.factor import Statistics, compress, reduce
 from runtime.estimators.regression.samples import Samples, inflation, noise, residuals, weights_from
 from runtime.library import Array, Library
 

@@ -20,8 +20,8 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.eliminate_friction import Reduced
 from runtime.estimators.convex.entropic_prior import Prior
+from runtime.estimators.regression.factor import Reduced
 from runtime.library import Array
 from runtime.library.parameters import N_PARAMETERS, link_columns
 

@@ -24,8 +24,14 @@ import numpy as np
 from scipy.special import chdtri
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_shares
-from runtime.estimators.regression.model_error import nuisance_of, scatter, time_step
-from runtime.estimators.regression.omitted_columns import SIGNIFICANCE, FreeFit, free_fit
+from runtime.estimators.regression.model_error import (
+    SIGNIFICANCE,
+    FreeFit,
+    free_fit,
+    nuisance_of,
+    scatter,
+    time_step,
+)
 from runtime.estimators.regression.posterior import APART, ROUNDING, posterior_of
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library

@@ -9,8 +9,7 @@ import numpy as np
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.pc_ols import fit_pc_ols
 from runtime.estimators.convex.map_estimate import fit_map
-from runtime.estimators.descent.adam import Preset
-from runtime.estimators.descent.fit import PRESETS
+from runtime.estimators.descent.fit import PRESETS, Preset
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.experiments.studies.logs import EMPTY, LOADED, PREPARATION, log_of

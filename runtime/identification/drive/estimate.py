@@ -11,10 +11,10 @@ import numpy as np
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.eliminate_friction import reduce
 from runtime.estimators.convex.entropic_prior import CAD
 from runtime.estimators.gauss_newton import Linearised, gauss_newton
 from runtime.estimators.methods import chosen_method
+from runtime.estimators.regression.factor import reduce
 from runtime.estimators.regression.recorded_delay import (
     LATEST_S,
     recorded_delay,
@@ -31,8 +31,7 @@ from runtime.identification.drive.result import DriveFit, DriveRequest
 from runtime.identification.identified import Identification
 from runtime.identification.posterior_file import SavedPosterior
 from runtime.identification.problem_setup import assemble, known_friction
-from runtime.identification.progress import SILENT, Progress
-from runtime.identification.settings import Settings, terms_of
+from runtime.identification.settings import SILENT, Progress, Settings, terms_of
 from runtime.identification.single_log import identify_assembled, identify_recording
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording

@@ -34,8 +34,7 @@ from scipy.linalg import block_diag
 
 from runtime.estimators.convex.entropic_prior import bodies_of
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_basis
-from runtime.estimators.regression.model_error import nuisance_of, scatter
-from runtime.estimators.regression.omitted_columns import FreeFit
+from runtime.estimators.regression.model_error import FreeFit, nuisance_of, scatter
 from runtime.estimators.regression.posterior import (
     basis_of_joints,
     posterior_of,

@@ -31,9 +31,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
-from runtime.estimators.convex.eliminate_friction import Reduced, reduce
 from runtime.estimators.convex.entropic_prior import CAD, Prior, com_sigma, prior_of, spread_of
-from runtime.estimators.regression.factor import Statistics
+from runtime.estimators.regression.factor import Reduced, Statistics, reduce
 from runtime.excitation.search.criteria import sizes
 from runtime.excitation.search.information import information
 from runtime.excitation.search.measures import covariance

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.eliminate_friction import reduce
 from runtime.estimators.convex.entropic_prior import CAD, prior_of
 from runtime.estimators.convex.map_estimate import fit_map
 from runtime.estimators.problem import Problem
-from runtime.estimators.regression.factor import Statistics, compress
+from runtime.estimators.regression.factor import Statistics, compress, reduce
 from runtime.estimators.regression.samples import Samples, residuals, samples_of, thesis_weights
 from runtime.estimators.uncertainty import vague_posterior
 from runtime.excitation import Trajectory

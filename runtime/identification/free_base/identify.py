@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.eliminate_friction import reduce
 from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of, spread_of
 from runtime.estimators.friction_bounds import OF
 from runtime.estimators.methods import fit_by
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import Fit, Problem
+from runtime.estimators.regression.factor import reduce
 from runtime.estimators.uncertainty import LogInformation, nuisance_of_slopes, vague_posterior
 from runtime.identification.free_base.drives import (
     COLUMNS,

@@ -27,13 +27,23 @@ import numpy as np
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.eliminate_friction import reduced_of
 from runtime.estimators.convex.entropic_prior import NONE, prior_from, spread_of
 from runtime.estimators.convex.newton import convex_problem, minimise_anywhere
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of_rows
+from runtime.estimators.regression.factor import reduced_of
 from runtime.estimators.regression.samples import NORMAL_95, samples_of
-from runtime.identification.payload.arm import ArmModel, arm_covariance, arm_model, gain_covariance
-from runtime.identification.payload.body import NAMES, Body, Mount, Payload, body_of, mount_of
+from runtime.identification.payload.body import (
+    NAMES,
+    ArmModel,
+    Body,
+    Mount,
+    Payload,
+    arm_covariance,
+    arm_model,
+    body_of,
+    gain_covariance,
+    mount_of,
+)
 from runtime.library import Array, Library, require_library
 from runtime.library.parameters import N_PARAMETERS, pi_from_parts
 from runtime.recording import Preparation, Recording

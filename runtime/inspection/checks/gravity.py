@@ -37,11 +37,11 @@ from numpy.typing import NDArray
 from runtime.common.tables import significant
 from runtime.errors import RuntimeFault
 from runtime.estimators.convex.compiled import solve
-from runtime.estimators.convex.eliminate_friction import reduced_of
 from runtime.estimators.convex.entropic_prior import NONE, prior_of
 from runtime.estimators.convex.newton import convex_problem
 from runtime.estimators.regression.causes import potential_rows
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
+from runtime.estimators.regression.factor import reduced_of
 from runtime.estimators.regression.posterior import least_squares, orthonormal, posterior_of
 from runtime.inspection.checks.torque_rows import EPSILON, TorqueRows
 from runtime.inspection.finding import ERROR, WARNING, Finding, joint_list

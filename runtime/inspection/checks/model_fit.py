@@ -11,8 +11,7 @@ from functools import partial
 import numpy as np
 
 from runtime.common.tables import significant
-from runtime.estimators.contradictions import remedy_of, sentence_of
-from runtime.estimators.convex.prior_agreement import OTHER
+from runtime.estimators.contradictions import OTHER, remedy_of, sentence_of
 from runtime.estimators.regression.causes import GAIN, TILT, ZERO, Cause, causes_of_rows
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.estimators.regression.posterior import least_squares, posterior_of

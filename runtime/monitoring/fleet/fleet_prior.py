@@ -50,11 +50,11 @@ from runtime.common.files import replacing
 from runtime.common.threads import cores
 from runtime.errors import IdentificationError, RuntimeFault
 from runtime.estimators.convex.compiled import solve, solve_many
-from runtime.estimators.convex.eliminate_friction import Reduced
 from runtime.estimators.convex.entropic_prior import CAD, Prior, prior_from, prior_of
 from runtime.estimators.convex.newton import convex_problem
 from runtime.estimators.prior_file import read_prior
 from runtime.estimators.problem import NoiseFloor
+from runtime.estimators.regression.factor import Reduced
 from runtime.estimators.regression.posterior import posterior_of
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, PI_NAMES, links

@@ -27,8 +27,8 @@ from threadpoolctl import threadpool_limits
 from runtime.common.files import bytes_of, replacing
 from runtime.common.threads import cores
 from runtime.errors import IdentificationError, RecordingError
-from runtime.estimators.convex.eliminate_friction import Elimination, reduce
-from runtime.estimators.convex.prior_agreement import LEAST_DENSITY
+from runtime.estimators.contradictions import LEAST_DENSITY
+from runtime.estimators.regression.factor import Elimination, reduce
 from runtime.identification.statistics_file import (
     FILE,
     MARK,

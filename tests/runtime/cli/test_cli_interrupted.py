@@ -18,9 +18,9 @@ from tests.runtime.processes import QUIET
 WAITING = """
 import signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job inherits "ignore"
-import runtime.estimators.descent.adam
+import runtime.estimators.descent.fit
 import {module} as room
-runtime.estimators.descent.adam.CHUNK = 50  # a look at Ctrl-C every 50 iterations
+runtime.estimators.descent.fit.CHUNK = 50  # a look at Ctrl-C every 50 iterations
 original = room.{function}
 
 def waiting(*args, progress, **options):

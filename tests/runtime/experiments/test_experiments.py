@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from runtime.estimators.descent.adam import Preset
+from runtime.estimators.descent.fit import Preset
 from runtime.estimators.optimizers import AdamOptions, StoppingRule
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.samples import samples_of, thesis_weights

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from runtime.errors import RuntimeFault
-from runtime.estimators.convex.eliminate_friction import reduce
 from runtime.estimators.convex.entropic_prior import prior_of
 from runtime.estimators.prior_file import read_prior
+from runtime.estimators.regression.factor import reduce
 from runtime.estimators.uncertainty import vague_posterior
 from runtime.identification.free_base.drives import _student
 from runtime.identification.free_base.identify import identify_free_base

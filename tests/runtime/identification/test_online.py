@@ -7,10 +7,9 @@ import pytest
 
 from runtime import OnlineEstimator
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.eliminate_friction import reduce
 from runtime.estimators.convex.entropic_prior import CAD, prior_of
 from runtime.estimators.convex.newton import convex_problem, minimise
-from runtime.estimators.regression.factor import compress
+from runtime.estimators.regression.factor import compress, reduce
 from runtime.estimators.regression.samples import samples_of
 from runtime.recording import Friction
 from runtime.recording.friction.model import add_columns

@@ -9,7 +9,7 @@ import runtime
 from runtime import METHODS, PRESETS, Identification, Preset, Recording, read_recording
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.classical.pc_ols import SLACK
-from runtime.estimators.descent.adam import CHUNK
+from runtime.estimators.descent.fit import CHUNK
 from runtime.estimators.optimizers import AdamOptions, StoppingRule
 from runtime.identification.metrics import airm, torque_error
 from runtime.identification.result_file import record_of

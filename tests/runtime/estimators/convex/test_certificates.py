@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from runtime.estimators.convex.constraints import ConstraintRow, Constraints, constrained
-from runtime.estimators.convex.eliminate_friction import Reduced, reduce
 from runtime.estimators.convex.entropic_prior import CAD, prior_of
 from runtime.estimators.convex.map_estimate import fit_map
 from runtime.estimators.convex.newton import convex_problem, minimise
 from runtime.estimators.problem import Problem
-from runtime.estimators.regression.factor import compress
+from runtime.estimators.regression.factor import Reduced, compress, reduce
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Library
 from tests.runtime.estimators.convex.paths import follow

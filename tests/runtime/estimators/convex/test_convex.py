@@ -6,8 +6,8 @@ import pytest
 
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.pc_ols import cone_optimum
+from runtime.estimators.contradictions import prior_test
 from runtime.estimators.convex.compiled import SMALLEST_GAP, gamma_sequence
-from runtime.estimators.convex.eliminate_friction import Reduced, reduce
 from runtime.estimators.convex.entropic_prior import (
     CAD,
     bodies_of,
@@ -16,9 +16,8 @@ from runtime.estimators.convex.entropic_prior import (
     prior_of,
 )
 from runtime.estimators.convex.newton import HalfSpaces, Subspace, _solved, convex_problem, minimise
-from runtime.estimators.convex.prior_agreement import prior_test
 from runtime.estimators.prior_file import prior_about
-from runtime.estimators.regression.factor import Statistics, compress
+from runtime.estimators.regression.factor import Reduced, Statistics, compress, reduce
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Library
 from tests.runtime.estimators.convex.paths import follow

@@ -8,7 +8,6 @@ import pytest
 from runtime.errors import LibraryError
 from runtime.estimators.convex.compiled import follow_compiled, follow_many, solve, solve_many
 from runtime.estimators.convex.constraints import Constraints, constrained
-from runtime.estimators.convex.eliminate_friction import reduce
 from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_from, prior_of
 from runtime.estimators.convex.newton import (
     ConvexProblem,
@@ -16,6 +15,7 @@ from runtime.estimators.convex.newton import (
     minimise,
     minimise_anywhere,
 )
+from runtime.estimators.regression.factor import reduce
 from runtime.library import Library, load
 from runtime.library.compiled_descent import CompiledConvex
 from tests.robots import levels_here

@@ -6,9 +6,17 @@ import numpy as np
 import pytest
 
 from runtime.errors import LibraryError
-from runtime.estimators.descent.adam import Preset, Watch, descend, descend_by_steps, descend_many
 from runtime.estimators.descent.descent import Descent, descent_of, levenberg_descend
-from runtime.estimators.descent.fit import fit_adam, fit_levenberg, fit_many
+from runtime.estimators.descent.fit import (
+    Preset,
+    Watch,
+    descend,
+    descend_by_steps,
+    descend_many,
+    fit_adam,
+    fit_levenberg,
+    fit_many,
+)
 from runtime.estimators.optimizers import AdamOptions, LevenbergOptions, Status, StoppingRule
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.factor import TorqueObjective
@@ -91,7 +99,7 @@ def test_pieces_make_the_whole(arm, monkeypatch):
     """Property: cutting a run into pieces changes nothing, to the bit."""
     preset = Preset(AdamOptions(1e-3), StoppingRule(200, NEVER), 32)
     whole = both(problem(arm), preset)[0]
-    monkeypatch.setattr("runtime.estimators.descent.adam.CHUNK", 7)
+    monkeypatch.setattr("runtime.estimators.descent.fit.CHUNK", 7)
     pieces = both(problem(arm), preset)[0]
     np.testing.assert_array_equal(whole.x, pieces.x)
     assert whole.trace == pieces.trace
@@ -119,7 +127,7 @@ def test_a_watch_sees_the_iterates_and_changes_nothing(arm):
 
 def test_motors_of_several_joints_descend_by_steps(arm, monkeypatch):
     """Property: one coupled problem among several is enough; compiled columns are of one joint."""
-    monkeypatch.setattr("runtime.estimators.descent.adam.descend_by_steps", lambda d, _: id(d))
+    monkeypatch.setattr("runtime.estimators.descent.fit.descend_by_steps", lambda d, _: id(d))
     pair = [descent(problem(arm)), descent(problem(arm))]
     coupled = dataclasses.replace(
         pair[1].problem.train, coupling=Coupling(np.eye(arm.n_joints), (False,) * 2, (False,) * 2)
@@ -133,7 +141,7 @@ def test_motors_of_several_joints_descend_by_steps(arm, monkeypatch):
 
 def test_interruption_keeps_the_best(arm, monkeypatch):
     """Property: Ctrl-C between two pieces returns what was reached."""
-    monkeypatch.setattr("runtime.estimators.descent.adam.CHUNK", 50)
+    monkeypatch.setattr("runtime.estimators.descent.fit.CHUNK", 50)
 
     def stop(iteration: int, _: float) -> None:
         if iteration >= 100:

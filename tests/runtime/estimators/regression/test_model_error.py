@@ -7,8 +7,13 @@ import pytest
 
 from runtime.estimators.regression import model_error
 from runtime.estimators.regression.factor import compress
-from runtime.estimators.regression.model_error import BLOCK_S, model_error_of, scatter, time_step
-from runtime.estimators.regression.omitted_columns import free_fit
+from runtime.estimators.regression.model_error import (
+    BLOCK_S,
+    free_fit,
+    model_error_of,
+    scatter,
+    time_step,
+)
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Library
 

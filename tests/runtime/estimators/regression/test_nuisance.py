@@ -10,12 +10,12 @@ from runtime.estimators.regression.model_error import (
     SHAPES,
     SLOW,
     common_size,
+    free_fit,
     likely_sizes,
     nuisance_columns,
     nuisance_of,
     size_posterior,
 )
-from runtime.estimators.regression.omitted_columns import free_fit
 from runtime.estimators.regression.samples import Samples
 from runtime.excitation import Trajectory
 from runtime.identification.identified import Identification

@@ -13,8 +13,15 @@ from runtime import Recording, identify_payload, write_recording
 from runtime.errors import RuntimeFault
 from runtime.estimators.convex.entropic_prior import bodies_of
 from runtime.estimators.regression.samples import NORMAL_95
-from runtime.identification.payload.arm import ArmModel, arm_model, read_arm_model
-from runtime.identification.payload.body import NAMES, body_of, jacobian, mount_of
+from runtime.identification.payload.body import (
+    NAMES,
+    ArmModel,
+    arm_model,
+    body_of,
+    jacobian,
+    mount_of,
+    read_arm_model,
+)
 from runtime.recording import Friction
 from tests.taylor import assert_second_order, taylor_slope
 

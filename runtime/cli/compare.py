@@ -107,7 +107,9 @@ def compare_command(given: CompareSettings) -> None:
     names = listed(given.methods, tuple(METHODS), "--methods") if given.methods else None
     place = given.truth or beside(given.log)
     known = read_truth(place, lib) if place else None
-    streams = _streams(given.stream, names, given.controller, given.friction)
+    known_methods = set(names or ()) <= set(methods_from_statistics())
+    needs_whole = given.controller or given.friction == AUTO or not known_methods
+    streams = False if given.stream is None and needs_whole else given.stream
     wanted = Settings(
         friction=given.friction,
         coulomb_speed=given.coulomb_speed,
@@ -182,17 +184,6 @@ def _compare_results(given: CompareSettings, other: Path) -> None:
         say(sentence)
     say_notes(both.notes)
     say(f"report: {page}")
-
-
-def _streams(
-    stream: bool | None,
-    names: tuple[str, ...] | None,
-    controller: Path | None,
-    friction: str | None,
-) -> bool | None:
-    """The setting stream, or False where an option needs the samples of the whole log."""
-    whole = controller or friction == AUTO or not set(names or ()) <= set(methods_from_statistics())
-    return False if stream is None and whole else stream
 
 
 def _with_progress(

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from runtime.cli.common import Overwrite
+from runtime.cli.identify import urdf_line
 from runtime.cli.log_options import LaterLogChoices, Parts, split_of
 from runtime.common.files import require_unused
 from runtime.common.settings import FILE, output_field
@@ -17,7 +18,6 @@ from runtime.identification.result_record import error_parts
 from runtime.identification.result_tables import error_table, tested_on
 from runtime.identification.saved_result import SavedResult
 from runtime.identification.settings import Settings
-from runtime.outputs.model_files.export import write_urdf
 from runtime.outputs.report.report import write_report
 from runtime.recording import Preparation
 
@@ -74,13 +74,7 @@ def friction_command(given: FrictionSettings) -> None:
     for each in (table, _coefficients(renewed, saved)):
         show(each)
     say_notes((*notes, *record.warnings))
-    urdf = folder / "identified.urdf"
-    if renewed.result.is_consistent:
-        arguments = (renewed.result.pi, urdf, renewed.result.friction, renewed.result.usual_phi)
-        say(f"URDF:   {urdf} ({write_urdf(lib, *arguments)})")
-    else:
-        urdf.unlink(missing_ok=True)
-        say("URDF:   not written, because the model is not physically consistent")
+    say(urdf_line(renewed.result, folder))
     say(f"report: {write_report(folder)}")
 
 

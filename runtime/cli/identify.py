@@ -156,12 +156,7 @@ def _print_details(result: Identification, record: ResultRecord) -> None:
 
 def _written(result: Identification, folder: Path, given: IdentifySettings) -> list[str]:
     """Write the files beside result.json; a line for each. Those of an earlier result go."""
-    lines = []
-    if result.is_consistent:
-        lines.append(f"URDF:   {folder / 'identified.urdf'} ({_exported(result, folder)})")
-    else:
-        (folder / "identified.urdf").unlink(missing_ok=True)
-        lines.append("URDF:   not written, because the model is not physically consistent")
+    lines = [urdf_line(result, folder)]
     if given.report:
         lines.append(f"report: {write_report(folder)}")
     else:
@@ -174,10 +169,14 @@ def _written(result: Identification, folder: Path, given: IdentifySettings) -> l
     return lines
 
 
-def _exported(result: Identification, folder: Path) -> str:
-
+def urdf_line(result: Identification, folder: Path) -> str:
+    """Write identified.urdf of a consistent result, else remove that of an earlier one."""
     path = folder / "identified.urdf"
-    return write_urdf(result.lib, result.pi, path, result.friction, result.usual_phi)
+    if result.is_consistent:
+        written = write_urdf(result.lib, result.pi, path, result.friction, result.usual_phi)
+        return f"URDF:   {path} ({written})"
+    path.unlink(missing_ok=True)
+    return "URDF:   not written, because the model is not physically consistent"
 
 
 def drive_table(record: ResultRecord) -> Table | None:
@@ -263,7 +262,9 @@ def identify_command(given: IdentifySettings) -> None:
     folder = given.out or Path("results") / f"{Path(given.logs[0]).stem}-{several}{chosen}"
     require_result_folder(folder, _WRITTEN, given.overwrite)
     with counting(state()) as bar, _naming(inspect):
-        shown = ShownProgress(bar, chosen, lib.name, _most_iterations(chosen, given.preset))
+        preset = PRESETS.get(str(given.preset or "full")) if METHODS[chosen].takes_preset else None
+        total = preset.rule.max_iterations if preset else None
+        shown = ShownProgress(bar, chosen, lib.name, total)
         opened = (
             _named(runs, lib, given.recipe, given.payload_of or (), bool(given.stream))
             if several
@@ -295,12 +296,6 @@ def _naming(inspect: str) -> Iterator[None]:
         if "in a recipe" in text and " inspect " not in text:
             text = f"{text}; one is proposed by: {inspect}"
         raise type(error)(text) from None
-
-
-def _most_iterations(method: str, preset: str | None) -> int | None:
-    """Largest number of iterations of a method with presets; None for other methods."""
-    record = PRESETS.get(str(preset or "full")) if METHODS[method].takes_preset else None
-    return record.rule.max_iterations if record else None
 
 
 def _opened(

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import METHODS, chosen_method
 from runtime.estimators.prior_file import KnownFriction, friction_prior_of
-from runtime.estimators.problem import FrictionPrior, NoiseFloor, Origin, Problem, mass_unit
+from runtime.estimators.problem import FrictionPrior, Origin, Problem, mass_unit
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.identification.current_gains import in_torque
 from runtime.identification.identified import Identification
@@ -158,7 +158,8 @@ def assembled(
     pieces: Callable[[str], Iterable[Recording]] | None = None,
 ) -> Assembly:
     """The problem of prepared parts of any log, or of windows of parts that come in pieces."""
-    rounding = rounding_of(parts[0], lib)
+    whole, prior = samples_of(parts[0], lib), settings.prior
+    rounding = unresolved(whole.columns, whole.tau)
 
     def resolved(part: Recording) -> Recording:
         return without_columns(part, rounding)
@@ -188,7 +189,7 @@ def assembled(
         column_names=names,
         left_out=rounding.ravel(),
         friction_prior=known_friction(settings, names, terms),
-        noise_floor=known_noise(settings, regressor),
+        noise_floor=prior.noise if prior and regressor == "acceleration" else None,
     )
     return Assembly(
         problem,
@@ -198,12 +199,6 @@ def assembled(
         notes=left_out_note(rounding, lib.joint_names, names),
         is_joined=is_joined,
     )
-
-
-def rounding_of(train: Recording, lib: Library) -> NDArray[np.bool_]:
-    """Friction columns of a training part whose values are rounding."""
-    samples = samples_of(train, lib)
-    return unresolved(samples.columns, samples.tau)
 
 
 def _parts(
@@ -328,12 +323,6 @@ def known_friction(
     return FrictionPrior(
         np.where(is_stated, rotors.mean, known.mean), np.where(is_stated, rotors.sigma, known.sigma)
     )
-
-
-def known_noise(settings: Settings, regressor: str) -> NoiseFloor | None:
-    """Least noise of the torque, of a file of priors."""
-    prior = settings.prior
-    return prior.noise if prior is not None and regressor == "acceleration" else None
 
 
 def settings_for(lib: Library, settings: Settings) -> Settings:

@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from runtime.common.files import write_json
+from runtime.common.files import replacing, write_json
 from runtime.common.tables import significant
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.pc_ols import BOUNDARY
@@ -335,7 +335,8 @@ def write_files(
     """Write posterior.npz where there is one, predictions.npz and result.json into a folder."""
     if posterior is not None:
         posterior_file.write_posterior(folder, posterior)
-    statistics_file.write_predictions(folder, rows)
+    with replacing(folder / statistics_file.PREDICTIONS) as content:
+        np.savez(content, **rows)  # noise does not compress
     write_json(folder / "result.json", msgspec.to_builtins(record))
     return record
 

@@ -48,13 +48,6 @@ def error_table(
     )
 
 
-def result_tables(record: ResultRecord) -> tuple[Table, ...]:
-    """What a notebook shows of a result: torque errors and links."""
-    title = f"{record.robot} by {record.method}: {record.status}"
-    shares, rms = record.torque_error_percent, record.torque_rms
-    return error_table(*record.rows_of_errors, shares, rms, title), link_table(record.links)
-
-
 def parameter_columns(links: Sequence[str], **values: Any) -> dict[str, list[Any]]:
     """Columns of a data frame: link, parameter and values [SI] that are there, a row per entry."""
     rows = [(link, name) for link in links for name in PI_NAMES]

@@ -33,7 +33,7 @@ from runtime.identification.result_record import (
     Part,
     ResultRecord,
 )
-from runtime.identification.result_tables import parameter_columns, result_tables
+from runtime.identification.result_tables import error_table, link_table, parameter_columns
 from runtime.identification.statistics_file import LARGEST_ACCEPTED, fitted_rows
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
@@ -191,7 +191,9 @@ class SavedResult(Framed):
 
     def tables(self) -> tuple[Table, ...]:
         """Torque errors and bodies of the links."""
-        return result_tables(self.record)
+        record, errors = self.record, (self.record.torque_error_percent, self.record.torque_rms)
+        title = f"{record.robot} by {record.method}: {record.status}"
+        return error_table(*record.rows_of_errors, *errors, title), link_table(record.links)
 
     def columns_of_frame(self) -> dict[str, list[Any]]:
         """Link, parameter, value and σ [SI], one row per entry of π."""

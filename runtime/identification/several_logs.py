@@ -90,7 +90,9 @@ def agreement_of(
     )
     part = SessionsPart(
         names=names,
-        payload_kg=tuple(_payload_mass(log) for log in logs),
+        payload_kg=tuple(
+            0.0 if log.carried is None else float(mass(links(log.carried)).sum()) for log in logs
+        ),
         train_samples=samples,
         offsets=None if offsets is None else tuple(map(tuple, offsets.tolist())),
         delay_s=None,
@@ -156,13 +158,6 @@ def _left_out(
         single_log_overall=errors[3].overall,
         rms=tuple(errors[1].rms.tolist()),
     )
-
-
-def _payload_mass(log: NamedLog) -> float:
-    """Mass of the known payload of a log, kg."""
-    if log.carried is None:
-        return 0.0
-    return float(mass(links(log.carried)).sum())
 
 
 def joined(parts: Sequence[Recording], names: Sequence[str], all_names: Sequence[str]) -> Recording:

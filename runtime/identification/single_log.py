@@ -27,6 +27,7 @@ nothing, as in the equations: the prior alone determines it.
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 from typing import Any
 
@@ -95,20 +96,18 @@ def with_modelled_torque(assembly: Assembly, fit: Callable[[Problem], Fit]) -> A
         model = fit(modelled.problem)
         before, gain = gain, np.maximum(1 + model.phi[:, flags].sum(axis=1), LEAST)
         phi = np.where(flags, 0.0, model.phi)
-        modelled = _replaced(assembly, flags, _torque_of(problem.lib, model.pi, phi, gain), gain)
+        modelled = _replaced(
+            assembly, flags, partial(_torque, problem.lib, model.pi, phi, gain), gain
+        )
         if np.abs(gain - before).max() < CLOSE and (gain != 1).any():
             break
     return modelled
 
 
-def _torque_of(lib: Library, pi: Array, phi: Array, gain: Array) -> Callable[[Samples], Array]:
+def _torque(lib: Library, pi: Array, phi: Array, gain: Array, samples: Samples) -> Array:
     """h (N, n) of a model."""
-
-    def torque(samples: Samples) -> Array:
-        known = lib.known_torque(samples.q)
-        return np.asarray((samples.rigid(lib, pi) + samples.friction(phi) + known) / gain)
-
-    return torque
+    known = lib.known_torque(samples.q)
+    return np.asarray((samples.rigid(lib, pi) + samples.friction(phi) + known) / gain)
 
 
 def _replaced(

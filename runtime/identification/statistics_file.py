@@ -11,7 +11,6 @@ predictions.npz: torques over the test part, marks of the rows that were fitted,
 
 import tomllib
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Annotated, Any
@@ -194,12 +193,6 @@ def _columns(result: Identification) -> tuple[str, ...]:
 PREDICTIONS = "predictions.npz"
 LARGEST_ACCEPTED = 1e100
 """Largest number that is accepted, in SI units; matplotlib cannot draw much larger ones."""
-
-
-def write_predictions(folder: Path, arrays: Mapping[str, Any]) -> None:
-    """Write the arrays of `predictions_of`, or of a free base, into a folder."""
-    with replacing(folder / PREDICTIONS) as content:
-        np.savez(content, **arrays)  # noise does not compress
 
 
 def predictions_of(result: Identification) -> dict[str, Any]:

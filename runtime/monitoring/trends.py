@@ -139,7 +139,11 @@ def trends_of(entries: Sequence[dict[str, Any]]) -> Trends:
             np.array([np.nan if each is None else float(each) for each in warm]),
             tuple(bool(entry["changed"]) for entry in kept),
             tuple(str(entry.get("sentence", "")) for entry in kept),
-            tuple(_series(key, rows) for key, rows in values.items()),
+            tuple(
+                Series(*key, at, np.array(size), np.array(sigma))
+                for key, rows in values.items()
+                for at, size, sigma in [zip(*rows, strict=True)]
+            ),
             len(entries) - len(kept),
         )
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
@@ -164,11 +168,6 @@ def slope_of(x: Array, y: Array, sigma: Array) -> Slope | None:
     half = float(stdtrit(freedom, 0.975) * deviation)
     p_value = 2 * float(stdtr(freedom, -abs(value) / deviation))
     return Slope(value, (value - half, value + half), p_value, level - value * centre)
-
-
-def _series(key: tuple[str, str, str], rows: list[tuple[int, float, float]]) -> Series:
-    at, size, sigma = zip(*rows, strict=True)
-    return Series(*key, at, np.array(size), np.array(sigma))
 
 
 def _day(entry: dict[str, Any]) -> float:

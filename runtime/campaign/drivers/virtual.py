@@ -186,14 +186,17 @@ class VirtualDriver(Driver):
         command = plant.sorted(np.clip(tau, -self._effort, self._effort))
         now_q, now_dq, h = plant.q, plant.dq, plant.step_s
         rotor = plant.sorted(s.rotor)
-        push = plant.sorted(self._push())
-        stuck = self._stuck()
+        at = np.zeros(lib.n_joints)  # of a fault, 1 at its joint
+        if self._fault is not None:
+            at[self._fault.joint] = 1.0
+        at, is_stuck = plant.sorted(at), self._has("stuck")
+        push = at * self._fault.size if self._fault and self._has("collision") else 0.0
         link = self._link
         for j in range(self._substeps):
             self._commands.append(command)
             applied = self._commands[0]
             f, slope = self._friction.advance(now_q, now_dq, self._link)
-            plant.damping[:] = slope if stuck is None else np.where(stuck > 0, _STUCK, slope)
+            plant.damping[:] = np.where(is_stuck * at > 0, _STUCK, slope)
             plant.applied[:] = applied - f + slope * now_dq + push
             before = np.array(now_dq)
             plant.advance()
@@ -215,20 +218,6 @@ class VirtualDriver(Driver):
         fault = self._fault
         since = self._time - self._start
         return fault is not None and fault.kind == kind and since >= fault.at - 1e-9
-
-    def _push(self) -> Array:
-        push = np.zeros(self.lib.n_joints)
-        if self._fault is not None and self._has("collision"):
-            push[self._fault.joint] = self._fault.size
-        return push
-
-    def _stuck(self) -> Array | None:
-        """1 for the stuck joint, in the order of the engine; None where no joint is stuck."""
-        if self._fault is None or not self._has("stuck"):
-            return None
-        which = np.zeros(self.lib.n_joints)
-        which[self._fault.joint] = 1.0
-        return self._plant.sorted(which)
 
 
 def _open(lib: Library, settings: DriverSettings) -> Driver:

@@ -242,7 +242,8 @@ def identify_payload(
     if empty is not None and left > EXCHANGED * whole:
         other = _solved(mount, columns, -residual, kappa)
         left, whole = (float(np.sum((s.errors / other.noise) ** 2)) for s in (other, solution))
-        if _is_heavy(other) and left < EXCHANGED * whole:
+        is_heavy = other.pi[0] > _CERTAIN * np.sqrt(other.covariance[0, 0])
+        if is_heavy and left < EXCHANGED * whole:
             raise IdentificationError(
                 f"the difference of the runs is that of a negative mass: '{empty.name}' carries "
                 f"the payload and '{recording.name}' none; exchange them"
@@ -384,11 +385,6 @@ def _ball(mount: Mount) -> Array:
     size = 0.4 * BALL_MASS * BALL_RADIUS**2
     at_mount = pi_from_parts(BALL_MASS, 0.0, [size, size, size, 0, 0, 0])
     return np.asarray(np.linalg.solve(mount.to_frame, at_mount))
-
-
-def _is_heavy(solution: _Solution) -> bool:
-    """Whether the mass is significant."""
-    return bool(solution.pi[0] > _CERTAIN * np.sqrt(solution.covariance[0, 0]))
 
 
 def _moment_note(mount: Mount, solution: _Solution) -> str:

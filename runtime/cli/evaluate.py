@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from runtime.cli.free_base import print_errors
-from runtime.cli.log_options import LaterLogChoices
+from runtime.cli.log_options import LaterLogChoices, open_result
 from runtime.common.files import json_text
 from runtime.common.settings import output_field
 from runtime.common.terminal import say, say_notes, show
@@ -41,7 +41,7 @@ def evaluate_command(given: EvaluateSettings) -> None:
 
     A log whose recipe names no filter is prepared in the same way as the log of identify.
     """
-    saved, lib, notes = given.opened(given.result, learned=True, free_base=True)
+    saved, lib, notes = open_result(given, given.result, learned=True, free_base=True)
     if saved.record.is_free:
         _walking(saved, lib, given.log, given.cutoff, notes, given.as_json)
         return

@@ -6,7 +6,7 @@ from pathlib import Path
 import typer
 
 from runtime.cli.common import listed
-from runtime.cli.log_options import ResultChoices
+from runtime.cli.log_options import ResultChoices, open_result
 from runtime.common.settings import output_field
 from runtime.common.terminal import completing, say, say_notes
 from runtime.errors import ExportError
@@ -55,7 +55,7 @@ def export_command(given: ExportSettings) -> None:
     casadi is written only where it is named.
     """
     kinds = listed(given.to, tuple(EXPORT_FORMATS), "--to") if given.to else usual_formats()
-    saved, lib, notes = given.opened(given.result, True, free_base=True, same_bodies=True)
+    saved, lib, notes = open_result(given, given.result, True, free_base=True, same_bodies=True)
     terms, folder = saved.friction, given.out or given.result / "export"
     done = export_model(
         lib,

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from runtime.cli.common import Overwrite
 from runtime.cli.identify import urdf_line
-from runtime.cli.log_options import LaterLogChoices, Parts, split_of
+from runtime.cli.log_options import LaterLogChoices, Parts, open_result, split_of
 from runtime.common.files import require_unused
 from runtime.common.settings import FILE, output_field
 from runtime.common.tables import Table
@@ -56,7 +56,7 @@ def friction_command(given: FrictionSettings) -> None:
     """
     folder = given.out or Path("results") / f"{Path(given.log).stem}-friction"
     require_unused((folder / name for name in (*_WRITTEN, *_STALE)), given.overwrite)
-    saved, lib, notes = given.opened(given.result)
+    saved, lib, notes = open_result(given, given.result)
     recording = saved.log_of(given.log, lib, given.recipe, given.run)
     preparation = preparation_of(recording, given.cutoff, given.rate)
     if preparation is None and recording.preparation == Preparation():

@@ -171,21 +171,22 @@ class OfResult(Choices):
     )
     yes: Yes = False
 
-    def opened(
-        self,
-        result: Path,
-        learned: bool = False,
-        free_base: bool = False,
-        same_bodies: bool = False,
-    ) -> tuple[SavedResult, Library, tuple[str, ...]]:
-        """A result, its robot or the named one, and notes on the model.
 
-        learned, free_base: whether friction beyond columns and a free base are taken.
-        """
-        saved = read_result(result, with_learned=learned)
-        free_base = free_base and saved.record.is_free
-        lib = open_robot(self.robot or saved.record.robot, self.yes, takes_free_base=free_base)
-        return saved, lib, require_model(saved.record, lib, result, same_bodies)
+def open_result(
+    given: OfResult,
+    result: Path,
+    learned: bool = False,
+    free_base: bool = False,
+    same_bodies: bool = False,
+) -> tuple[SavedResult, Library, tuple[str, ...]]:
+    """Open a result and its robot, or the named one, with notes on the model.
+
+    learned, free_base: whether friction beyond columns and a free base are taken.
+    """
+    saved = read_result(result, with_learned=learned)
+    free_base = free_base and saved.record.is_free
+    lib = open_robot(given.robot or saved.record.robot, given.yes, takes_free_base=free_base)
+    return saved, lib, require_model(saved.record, lib, result, same_bodies)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from runtime.cli.common import Overwrite, ResultFolder, keep_earlier, require_result_folder
-from runtime.cli.log_options import Log, OfResult, Recipe, Run
+from runtime.cli.log_options import Log, OfResult, Recipe, Run, open_result
 from runtime.common.files import json_text, replacing, write_json
 from runtime.common.settings import FILE, data_field, method_field, model_field, output_field
 from runtime.common.tables import Table, significant
@@ -123,7 +123,7 @@ def observe_command(given: ObserveSettings) -> None:
     rate = alarm_rate(given.false_alarms)
     folder = given.out or (given.model if given.model.is_dir() else given.model.parent) / "observe"
     require_result_folder(folder, _WRITTEN, given.overwrite)
-    saved, lib, notes = given.opened(given.model)
+    saved, lib, notes = open_result(given, given.model)
     known = model_of(saved, lib)
     data = _read(lib, known, saved.log_of(given.log, lib, given.recipe, given.run))
     root, note = _root(given.model, saved, lib)

@@ -13,7 +13,7 @@ from runtime.cli.common import (
     listed,
     require_result_folder,
 )
-from runtime.cli.log_options import ResultChoices
+from runtime.cli.log_options import ResultChoices, open_result
 from runtime.common.settings import FILE, output_field
 from runtime.common.tables import significant
 from runtime.common.terminal import completing, console, say, say_notes
@@ -88,7 +88,7 @@ def sample_command(given: SampleSettings) -> None:
     files = (*(path.name for path in paths), FILE)
     kind = ResultFolder("sample", files, "factors")
     require_result_folder(folder, kind, given.overwrite)
-    saved, lib, notes = given.opened(given.result, free_base=True, same_bodies=True)
+    saved, lib, notes = open_result(given, given.result, free_base=True, same_bodies=True)
     posterior = read_posterior(given.result, saved, lib)
     rng = np.random.default_rng(given.seed)
     with console.status("drawing models"):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import typer
 
-from runtime.cli.log_options import Recipe, ResultChoices, bundled_logs
+from runtime.cli.log_options import Recipe, ResultChoices, bundled_logs, open_result
 from runtime.common.files import bytes_of, json_text
 from runtime.common.settings import argument_field, data_field, output_field
 from runtime.common.tables import Table
@@ -82,7 +82,7 @@ def watch_command(given: WatchSettings) -> None:
 
     The exit code is 1 where a log shows a change (p below 0.01), else 0.
     """
-    saved, lib, notes = given.opened(given.result)
+    saved, lib, notes = open_result(given, given.result)
     root = read_posterior(given.result, saved, lib).of_readings().root(lib)
     model = model_of(saved, lib)
     sigma = np.sqrt(np.mean(read_held_out(given.result, model).rest ** 2, axis=0))

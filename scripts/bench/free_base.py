@@ -12,10 +12,15 @@ import numpy as np
 from bench.front import Sheet, sheet_of
 from bench.same_results_inputs import DRIVER_HZ, icub_arrays
 from runtime.estimators.regression.samples import NORMAL_95
-from runtime.identification.free_base.drives import VerticalForce, vertical_force
+from runtime.identification.free_base.drives import (
+    measured_vertical,
+    needed_vertical,
+    vertical_force,
+)
 from runtime.identification.free_base.identify import identify_free_base
 from runtime.identification.free_base.result import FreeBaseIdentification
-from runtime.library import Library, load, to_pinocchio_order
+from runtime.identification.result_record import VerticalForcePart
+from runtime.library import Array, Library, load, to_pinocchio_order
 from runtime.recording.formats.npz import open_npz
 from runtime.recording.free_base import FreeBaseRecording, free_base_of
 from runtime.recording.preprocessing.free_base_motion import motion_of
@@ -154,13 +159,16 @@ def walking(data: Path, folder: Path) -> Sheet:
     mass, sigma = result.record.total_mass.value, result.record.total_mass.sigma
     rows = []
     for cutoff in CUTOFFS:
-        vertical, here = _predicted(recording, result, cutoff), identified(recording, cutoff)
-        others = [_predicted(part, fit, cutoff) for part, fit in (*without, (recording, here))]
-        of_urdf, spread = vertical.before, vertical.spread
-        goal = min(SHARE_OF_URDF * of_urdf, MOST / 100 * vertical.weight)
-        no_lag, no_crosstalk, same_band = (each.after for each in others)
-        errors = (of_urdf, goal, vertical.after, no_lag, no_crosstalk, same_band)
-        percent = [100 * each / vertical.weight for each in (*errors, _best_mass(vertical), spread)]
+        (vertical, sums), here = (
+            _predicted(recording, result, cutoff),
+            identified(recording, cutoff),
+        )
+        others = [_predicted(part, fit, cutoff)[0] for part, fit in (*without, (recording, here))]
+        of_urdf, spread = vertical.before_percent, 100 * sums[0].std() / vertical.mean
+        goal = min(SHARE_OF_URDF * of_urdf, MOST)
+        no_lag, no_crosstalk, same_band = (each.after_percent for each in others)
+        percent = [of_urdf, goal, vertical.after_percent, no_lag, no_crosstalk, same_band]
+        percent += [100 * _best_mass(*sums) / vertical.mean, spread]
         interval = f"{mass - NORMAL_95 * sigma:.2f} to {mass + NORMAL_95 * sigma:.2f}"
         crosstalk = here.record.sensors["crosstalk_y"].value
         rows.append((cutoff, *percent[:6], crosstalk, *percent[6:], mass, interval))
@@ -170,19 +178,19 @@ def walking(data: Path, folder: Path) -> Sheet:
 
 def _predicted(
     recording: FreeBaseRecording, result: FreeBaseIdentification, cutoff_hz: float
-) -> VerticalForce:
-    """Errors of an identified model on the second half, behind another low-pass."""
+) -> tuple[VerticalForcePart, tuple[Array, Array]]:
+    """Errors on the second half, behind another low-pass; ΣF_z as measured and by the URDF."""
     motion = motion_of(recording, result.lib.joint_names, cutoff_hz)
     second = (motion.t >= (motion.t[0] + motion.t[-1]) / 2) & (motion.t <= motion.t[-1] - TRIM_S)
     phi = np.array([[each.value for each in result.record.sensors.values()]])
     rows = motion.rows(np.flatnonzero(second))
     vertical = vertical_force(result.lib, rows, result.pi, phi)
-    if vertical is None:
+    measured = measured_vertical(result.lib, rows)
+    if vertical is None or measured is None:
         raise RuntimeError("expected vertical forces of both feet in walking.npz")
-    return vertical
+    return vertical, (measured, needed_vertical(result.lib, rows, result.lib.pi0))
 
 
-def _best_mass(vertical: VerticalForce) -> float:
+def _best_mass(f: Array, p: Array) -> float:
     """RMS of f − s p at the best factor s of the URDF's force p [N]."""
-    p, f = vertical.predicted, vertical.measured
     return float(np.sqrt(np.mean((f - p * (p @ f) / (p @ p)) ** 2)))

@@ -40,6 +40,7 @@ from runtime.identification.free_base.rows import (
     reading_errors,
     rows_of,
 )
+from runtime.identification.result_record import VerticalForcePart
 from runtime.library import Array, Library
 from runtime.library.free_base import FREEDOM
 from runtime.recording.free_base import FreeBaseRecording
@@ -52,23 +53,8 @@ MOST_FITS, STEADY = 200, 1e-6
 """Limit of the number of fits, and largest relative change of σ at the end."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class VerticalForce:
-    """Sum of the vertical contact forces on the test part."""
-
-    weight: float  # mean of the measured sum [N]
-    before: float  # RMS error of the URDF's prediction [N]
-    # RMS error of the identified model's prediction, errors of the sensors included [N]
-    after: float
-    spread: float  # standard deviation of the measured sum, the error of the best constant [N]
-    measured: Array  # measured, predicted: the sums, measured and by the URDF, (N,) [N]
-    predicted: Array
-
-
-def vertical_force(
-    lib: Library, motion: FreeBaseMotion, pi: Array, phi: Array
-) -> VerticalForce | None:
-    """Errors of ΣF_z, the vertical component of the forces on the base."""
+def measured_vertical(lib: Library, motion: FreeBaseMotion) -> Array | None:
+    """ΣF_z, the vertical component of the forces on the base, (N,) [N]; None where unknown."""
     contacts = motion.contacts
     if not contacts.links:
         return None
@@ -76,30 +62,32 @@ def vertical_force(
     if contacts.axes == "world":
         if np.isnan(wrench[:, :, 2]).any():
             return None
-        measured = wrench[:, :, 2].sum(axis=1)
-    else:
-        if np.isnan(wrench[:, :, :3]).any():
-            return None
-        count = len(motion)
-        force = np.where(np.isnan(wrench), 0.0, wrench)
-        on_base = np.einsum("nck,nc->nk", contact_jacobian(lib, motion), force.reshape(count, -1))
-        measured = np.einsum("ni,ni->n", motion.rotation[:, 2], on_base[:, :3])
-    if not measured.any():
+        return np.asarray(wrench[:, :, 2].sum(axis=1))
+    if np.isnan(wrench[:, :, :3]).any():
         return None
+    force = np.where(np.isnan(wrench), 0.0, wrench).reshape(len(motion), -1)
+    on_base = np.einsum("nck,nc->nk", contact_jacobian(lib, motion), force)
+    return np.einsum("ni,ni->n", motion.rotation[:, 2], on_base[:, :3])
 
-    def predicted(parameters: Array) -> Array:
-        force = lib.inverse_dynamics(motion.q, motion.dq, motion.ddq, parameters)[:, :3]
-        return np.einsum("ni,ni->n", motion.rotation[:, 2], force)
 
-    by_urdf = predicted(lib.pi0)
-    return VerticalForce(
-        float(measured.mean()),
-        float(rms(by_urdf - measured)),
-        float(rms(predicted(pi) + (reading_errors(lib, motion) @ phi[0]).sum(axis=1) - measured)),
-        float(measured.std()),
-        measured,
-        by_urdf,
-    )
+def needed_vertical(lib: Library, motion: FreeBaseMotion, pi: Array) -> Array:
+    """ΣF_z that a motion needs, (N,) [N]."""
+    force = lib.inverse_dynamics(motion.q, motion.dq, motion.ddq, pi)[:, :3]
+    return np.einsum("ni,ni->n", motion.rotation[:, 2], force)
+
+
+def vertical_force(
+    lib: Library, motion: FreeBaseMotion, pi: Array, phi: Array
+) -> VerticalForcePart | None:
+    """Errors of ΣF_z, those of the result with the errors of the sensors."""
+    measured = measured_vertical(lib, motion)
+    if measured is None or not measured.any():
+        return None
+    by_sensors, mean = (reading_errors(lib, motion) @ phi[0]).sum(axis=1), float(measured.mean())
+    before = needed_vertical(lib, motion, lib.pi0) - measured
+    after = needed_vertical(lib, motion, pi) + by_sensors - measured
+    percent = (100 * float(rms(each)) / abs(mean) for each in (before, after))
+    return VerticalForcePart(mean, *percent)
 
 
 def rms(values: Array) -> Array:

@@ -43,7 +43,6 @@ from runtime.identification.free_base.result import (
     percent_of,
     total_mass,
     uncertainty_of,
-    vertical_part,
 )
 from runtime.identification.free_base.rows import (
     OFFSET_SIGMA,
@@ -137,7 +136,6 @@ def identify_free_base(
     size, n_train = len(sensor_names), len(data.train)
     sensors = dict(zip(sensor_names, fit.phi[0, :size].tolist(), strict=True))
     spread = None if sensed is None else sensed.sigma[0, :size]
-    vertical = vertical_force(lib, data.test, fit.pi, fit.phi[:, :size])
     eigenvalues = lib.relative_eigenvalues(fit.pi)
     is_consistent, units = bool(eigenvalues.min() > 0), file_units(lib.manifest)
     of_rows = dict(zip(lib.row_names, [*["N"] * 3, *["N*m"] * 3, *units], strict=True))
@@ -183,7 +181,7 @@ def identify_free_base(
         error_rows=names,
         error_units=tuple(of_rows.get(name, "") for name in names),
         total_mass=total_mass(lib, fit.pi, posterior.pi_root),
-        vertical_force=vertical_part(vertical),
+        vertical_force=vertical_force(lib, data.test, fit.pi, fit.phi[:, :size]),
         sensors={
             name: Coefficient(value=value, sigma=plain(sigma))
             for (name, value), sigma in zip(sensors.items(), deviations[:size], strict=True)
@@ -198,7 +196,6 @@ def identify_free_base(
         posterior,
         level,
         float(data.test.t[-1] - data.test.t[0]),
-        vertical,
         {key: each if key == "t" else shown(each) for key, each in predictions.items()},
     )
 

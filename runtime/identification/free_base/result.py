@@ -14,7 +14,7 @@ from runtime.estimators.convex.entropic_prior import com_sigma
 from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.estimators.uncertainty import IDENTIFIED, PRIOR_DOMINATED
-from runtime.identification.free_base.drives import VerticalForce, rms
+from runtime.identification.free_base.drives import rms
 from runtime.identification.free_base.rows import Drives, error_names, rows_of, with_contact_states
 from runtime.identification.posterior_file import SavedPosterior
 from runtime.identification.result_file import require_size, write_files
@@ -23,7 +23,6 @@ from runtime.identification.result_record import (
     ResultRecord,
     TotalMass,
     UncertaintyPart,
-    VerticalForcePart,
     link_uncertainties,
     plain,
 )
@@ -47,7 +46,6 @@ class FreeBaseIdentification:
     posterior: SavedPosterior  # of π, and of φ of sensors, drives and delay
     rms: Array  # RMS of the right side of the rows whose errors are stated, on the test part, (k,)
     seconds: float  # duration of the test part
-    vertical: VerticalForce | None  # ΣF_z, where all vertical forces were measured
     # t (N,) [s] and measured, before, after (N, k) of the rows on the test part
     predictions: dict[str, Array]
 
@@ -101,17 +99,6 @@ def total_mass(lib: Library, pi: Array, root: Array) -> TotalMass:
         sigma=sigma,
         interval=(total - NORMAL_95 * sigma, total + NORMAL_95 * sigma),
         urdf=float(mass(links(lib.pi0)).sum()),
-    )
-
-
-def vertical_part(vertical: VerticalForce | None) -> VerticalForcePart | None:
-    """Errors of ΣF_z over its mean."""
-    if vertical is None:
-        return None
-    return VerticalForcePart(
-        mean=vertical.weight,
-        before_percent=100 * vertical.before / abs(vertical.weight),
-        after_percent=100 * vertical.after / abs(vertical.weight),
     )
 
 

@@ -167,7 +167,6 @@ def test_sensors_that_read_nothing_in_the_test_part(hopper: Library, arrays: Arr
     wrench[100:] = 0.0
     log = arrays | {"contact_wrench": wrench}
     result = identify_free_base(free_base_of(log, "log"), hopper, "base", share=0.5)
-    assert result.vertical is None
     assert result.record.vertical_force is None
     assert any("of the test part are zero throughout" in note for note in result.record.warnings)
 

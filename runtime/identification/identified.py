@@ -1,5 +1,6 @@
 """The result of an identification: parameters, their certificates and the data they come from."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -219,15 +220,27 @@ class Identification(Framed):
         return bool(smallest >= -metrics.CONSISTENCY_TOLERANCE and (masses > 0).all())
 
 
-def torque_errors(result: Identification) -> tuple[metrics.TorqueError, ...]:
-    """Torque errors on the test part of URDF and result, and of the URDF with fitted friction."""
+def torque_errors(
+    result: Identification, pieces: Iterable[Samples] | None = None
+) -> tuple[metrics.TorqueError, ...]:
+    """Torque errors on the test part, or on pieces of it.
+
+    They are those of the URDF, of the result, and of the URDF with fitted friction.
+    """
     if result.streamed is not None:
         return result.streamed.errors
-    samples, lib = samples_of(result.test, result.lib), result.lib
-    predicted = [result.before(result.test), result.predict_test()]
+    lib, fit = result.lib, result.trained or result
+    models = [(lib.pi0, np.zeros(0), None), (fit.pi, fit.phi, result.learned)]
     if result.urdf_phi is not None:
-        predicted.append(torque_of(lib, samples, lib.pi0, result.urdf_phi))
-    return tuple(metrics.torque_error(samples.tau, each) for each in predicted)
+        models.append((lib.pi0, result.urdf_phi, None))
+    count, scale, rests = 0, np.zeros(lib.n_joints), np.zeros((len(models), lib.n_joints))
+    for samples in pieces or [samples_of(result.test, lib)]:
+        count += len(samples)
+        scale += np.sum(samples.tau**2, axis=0)
+        for k, model in enumerate(models):
+            rests[k] += np.sum((samples.tau - torque_of(lib, samples, *model)) ** 2, axis=0)
+    size = np.sqrt(scale)
+    return tuple(metrics.torque_error_of(np.sqrt(rest), size, count) for rest in rests)
 
 
 def torque_of(

@@ -31,9 +31,8 @@ from runtime.common.threads import cores, one_blas_thread
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.descent.fit import Preset
 from runtime.estimators.methods import chosen_method, methods_from_statistics, require_method
-from runtime.estimators.regression.samples import residuals, samples_of
-from runtime.identification.identified import Identification, WholeLog
-from runtime.identification.metrics import TorqueError, torque_error_of
+from runtime.estimators.regression.samples import samples_of
+from runtime.identification.identified import Identification, WholeLog, torque_errors
 from runtime.identification.problem_setup import PARTS, Assembly, FitOfAssembly, assembled
 from runtime.identification.settings import (
     SILENT,
@@ -419,29 +418,12 @@ def assemble_streamed(
     )
 
     def finish(result: Identification, _: FitOfAssembly) -> Identification:
-        errors = _errors(assembly, result)
+        pieces = (samples_of(part, lib) for part in assembly.recordings("test"))
+        errors = torque_errors(result, pieces)
         streamed = WholeLog(counts, spans, errors)
         return replace(result, streamed=streamed, notes=(*result.notes, note))
 
     return replace(assembly, source_note=note, finish=finish)
-
-
-def _errors(assembly: Assembly, result: Identification) -> tuple[TorqueError, ...]:
-    """Torque errors over the whole test part: first guess, result, URDF with friction."""
-    lib, fit = result.lib, result.trained or result
-    models = [(lib.pi0, np.zeros(0)), (fit.pi, fit.phi)]
-    if result.urdf_phi is not None:
-        models.append((lib.pi0, result.urdf_phi))
-    scale, rests = np.zeros(lib.n_joints), np.zeros((len(models), lib.n_joints))
-    count = 0
-    for part in assembly.recordings("test"):
-        samples = samples_of(part, lib)
-        count += len(samples)
-        scale += np.sum(samples.tau**2, axis=0)
-        for k, (pi, phi) in enumerate(models):
-            rests[k] += np.sum(residuals(lib, samples, pi, phi) ** 2, axis=0)
-    size = np.sqrt(scale)
-    return tuple(torque_error_of(np.sqrt(rest), size, count) for rest in rests)
 
 
 def _windows(part: StreamedPart, name: str) -> Recording:

@@ -114,15 +114,15 @@ def _figures(setup: MethodsSetup, f: Figures) -> Row:
     percent = 100 * f.rms / torque_rms(setup.test)
     row: Row = {
         "tau_error": f.test_percent,
-        "base_error": f.base_error,
-        "smallest_eigenvalue": f.smallest_eigenvalue,
-        "consistent": f.is_consistent,
+        "base_error": f.base_error_percent,
+        "smallest_eigenvalue": f.smallest_relative_eigenvalue,
+        "consistent": f.consistent,
         "time_s": f.seconds,
     }
     if f.iterations is not None:
         row["iterations"] = f.iterations
-    if np.isfinite(f.gap):
-        row["gap"] = f.gap
+    if np.isfinite(f.gap_to_convex_optimum):
+        row["gap"] = f.gap_to_convex_optimum
     return row | per_joint("tau_error", percent) | per_joint("tau_rms", f.rms)
 
 

@@ -69,7 +69,7 @@ def advise(rows: Sequence[MethodRow], n_base: int) -> Advice:
     if not ran:
         why = "no method has a result on these data; the reason of each is in its row"
         return Advice(None, (_capital(why),))
-    sound = {name: f for name, f in ran.items() if f.is_consistent}
+    sound = {name: f for name, f in ran.items() if f.consistent}
     if not sound:
         best = _best(ran)
         return Advice(
@@ -108,7 +108,7 @@ def better_beyond_chance(a: Array, b: Array) -> bool:
 
 def _choice(sound: dict[str, Figures]) -> tuple[str, str]:
     """The recommended one of the consistent methods, and the reason."""
-    inside = {name: f for name, f in sound.items() if not f.is_boundary}
+    inside = {name: f for name, f in sound.items() if not f.boundary}
     if DEFAULT not in sound:
         take = _best(inside or sound)
         which = "results off the boundary of consistency" if inside else "consistent results"
@@ -142,7 +142,7 @@ def _doubts(f: Figures) -> str:
 
 
 def _consistency(ran: dict[str, Figures]) -> str:
-    bad = [name for name, f in ran.items() if not f.is_consistent]
+    bad = [name for name, f in ran.items() if not f.consistent]
     if not bad:
         return "every result is physically consistent"
     return (
@@ -152,7 +152,7 @@ def _consistency(ran: dict[str, Figures]) -> str:
 
 
 def _inconsistent(ran: dict[str, Figures], take: str) -> str:
-    bad = {name: f for name, f in ran.items() if not f.is_consistent}
+    bad = {name: f for name, f in ran.items() if not f.consistent}
     if not bad:
         return ""
     best = _best(bad)
@@ -170,7 +170,7 @@ def _inconsistent(ran: dict[str, Figures], take: str) -> str:
 
 
 def _boundary(sound: dict[str, Figures], take: str) -> str:
-    edge = [name for name, f in sound.items() if f.is_boundary]
+    edge = [name for name, f in sound.items() if f.boundary]
     if not edge:
         return ""
     sentence = (
@@ -222,7 +222,7 @@ def _overfit(ran: dict[str, Figures], take: str) -> str:
 
 
 def _truth(ran: dict[str, Figures], take: str) -> str:
-    errors = {name: f.base_error for name, f in ran.items() if f.base_error is not None}
+    errors = {name: e for name, f in ran.items() if (e := f.base_error_percent) is not None}
     if not errors:
         return ""
     best = min(errors, key=lambda name: errors[name])

@@ -7,7 +7,7 @@ bounds of friction coefficients (map, pc-ols) count in the gap.
 
 import hashlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,8 @@ from runtime.recording.notebook import Shown
 
 __all__ = ["Figures", "TrueParameters", "compare"]
 
+UNWRITTEN = ("squares", "contradictions", "model_errors")
+"""Figures that compare.json does not state: they are what the advice is from."""
 RAN, NOT_RUN, FAILED = "ran", "not run", "failed"
 HEAD = ("method", "error %", "worst RMS", "base %", "s", "steps", "λ_min/tr", "gap %", "status")
 
@@ -47,13 +49,13 @@ class Figures:
     test_percent: float
     rms: Array  # of τ − τ̂ on test, (n,), N·m or N
     squares: Array  # Σ_j (τ_j − τ̂_j)² per validation sample, (N,), (N·m)², for the choice
-    base_error: float | None  # 100 ‖β̂ − β‖/‖β‖ where the truth is known, else None
+    base_error_percent: float | None  # 100 ‖β̂ − β‖/‖β‖ where the truth is known, else None
     seconds: float  # time of the method alone, s
     iterations: int | None  # None for closed forms
-    smallest_eigenvalue: float  # smallest λ_min(P_k)/tr P_k of all links
-    is_consistent: bool  # every link is physically consistent
-    is_boundary: bool  # a link is close to a plate or a rod
-    gap: float  # (L − L*)/L* on the training samples, in the weights common to all
+    smallest_relative_eigenvalue: float  # smallest λ_min(P_k)/tr P_k of all links
+    consistent: bool  # every link is physically consistent
+    boundary: bool  # a link is close to a plate or a rod
+    gap_to_convex_optimum: float  # (L − L*)/L* on training samples, in the weights common to all
     excited: int  # number of base parameters that the motion excites
     determined: int  # combinations of them that the data determine better than the prior does
     # sentences on priors, joints and results that the data contradict
@@ -80,25 +82,11 @@ def row_facts(row: MethodRow) -> dict[str, Any]:
         "outcome": row.outcome,
         "status": row.status,
     }
-    return head | ({} if row.figures is None else _figure_facts(row.figures))
-
-
-def _figure_facts(f: Figures) -> dict[str, Any]:
-    return {
-        "test_percent": f.test_percent,
-        "validation_percent": f.validation_percent,
-        "train_percent": f.train_percent,
-        "rms": f.rms.tolist(),
-        "base_error_percent": f.base_error,
-        "seconds": f.seconds,
-        "iterations": f.iterations,
-        "smallest_relative_eigenvalue": f.smallest_eigenvalue,
-        "consistent": f.is_consistent,
-        "boundary": f.is_boundary,
-        "gap_to_convex_optimum": plain(f.gap),
-        "excited": f.excited,
-        "determined": f.determined,
-    }
+    if row.figures is None:
+        return head
+    facts = {key: x for key, x in asdict(row.figures).items() if key not in UNWRITTEN}
+    gap = plain(row.figures.gap_to_convex_optimum)
+    return head | facts | {"rms": row.figures.rms.tolist(), "gap_to_convex_optimum": gap}
 
 
 def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
@@ -269,19 +257,20 @@ def _figures(
     if truth is not None:
         distance = np.linalg.norm(result.beta - truth.beta) / np.linalg.norm(truth.beta)
         wrong = 100 * float(distance)
+    gap = (loss(training.power) - optimum) / max(optimum, TINY * loss(training.total))
     return Figures(
         train_percent=training.error.overall,
         validation_percent=held.error.overall,
         test_percent=unseen.error.overall,
         rms=unseen.error.rms,
         squares=held.squares,
-        base_error=wrong,
+        base_error_percent=wrong,
         seconds=result.seconds,
         iterations=result.iterations,
-        smallest_eigenvalue=float(smallest.min()),
-        is_consistent=result.is_consistent,
-        is_boundary=result.is_consistent and bool(np.abs(smallest).min() < BOUNDARY),
-        gap=(loss(training.power) - optimum) / max(optimum, TINY * loss(training.total)),
+        smallest_relative_eigenvalue=float(smallest.min()),
+        consistent=result.is_consistent,
+        boundary=result.is_consistent and bool(np.abs(smallest).min() < BOUNDARY),
+        gap_to_convex_optimum=gap,
         excited=posterior.rank,
         determined=posterior.determined,
         contradictions=posterior.contradictions,

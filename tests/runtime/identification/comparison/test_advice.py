@@ -21,13 +21,13 @@ def figures(percent: float = 1.4, **changes: object) -> Figures:
         test_percent=percent,
         rms=np.full(7, percent / 10),
         squares=NOISE * percent**2,
-        base_error=None,
+        base_error_percent=None,
         seconds=0.01,
         iterations=3,
-        smallest_eigenvalue=1e-4,
-        is_consistent=True,
-        is_boundary=False,
-        gap=0.1,
+        smallest_relative_eigenvalue=1e-4,
+        consistent=True,
+        boundary=False,
+        gap_to_convex_optimum=0.1,
         excited=43,
         determined=40,
     )
@@ -61,12 +61,12 @@ def test_the_default_is_taken() -> None:
     nets = advice_on(ran("map"), ran("nn", 1.2), ran("adam", 1.39))
     assert nets.take == "nn"
     assert "--friction auto" in nets.sentences[0]
-    edge = advice_on(ran("map"), ran("adam", 1.2, is_boundary=True))
+    edge = advice_on(ran("map"), ran("adam", 1.2, boundary=True))
     assert edge.take == "map"
     assert "no other consistent result off the boundary of consistency" in edge.sentences[0]
     assert says(edge, "so that adam had no share in the choice, although adam predicts")
     assert says(edge, "(1.2 % against 1.4 % of map on the validation part)")
-    alone = advice_on(ran("adam"), ran("pc-ols", 1.2, is_boundary=True))
+    alone = advice_on(ran("adam"), ran("pc-ols", 1.2, boundary=True))
     assert "of all results off the boundary of consistency (map has none)" in alone.sentences[0]
     assert says(alone, "although pc-ols predicts significantly better")
     # The same mean, but all of the gain in one block: chance.
@@ -88,14 +88,12 @@ def test_the_test_part_has_no_share_in_the_choice() -> None:
 def test_without_the_default() -> None:
     """Property: the best consistent answer off the boundary; none at all without one."""
     others = advice_on(
-        ran("adam", 1.2, is_boundary=True), ran("lm", 1.5), ran("ols", 1.0, is_consistent=False)
+        ran("adam", 1.2, boundary=True), ran("lm", 1.5), ran("ols", 1.0, consistent=False)
     )
     assert others.take == "lm"
     assert "(map has none)" in others.sentences[0]
-    assert advice_on(ran("adam", is_boundary=True)).take == "adam"
-    impossible = advice_on(
-        ran("ols", 1.0, is_consistent=False), ran("map", 1.2, is_consistent=False)
-    )
+    assert advice_on(ran("adam", boundary=True)).take == "adam"
+    impossible = advice_on(ran("ols", 1.0, consistent=False), ran("map", 1.2, consistent=False))
     assert impossible.take is None
     assert impossible.sentences == (
         "No method that ran is physically consistent (ols, map); ols predicts torques best, but "
@@ -108,10 +106,10 @@ def test_without_the_default() -> None:
 
 def test_what_inconsistency_buys() -> None:
     """Property: the best inconsistent answer is named, and compared by a t-test, not by digits."""
-    better = advice_on(ran("map"), ran("ols", 1.2, is_consistent=False))
+    better = advice_on(ran("map"), ran("ols", 1.2, consistent=False))
     assert says(better, "Physically consistent: map; not consistent: ols")
     assert says(better, "ols, predicts significantly better (1.2 % against 1.4 % on the")
-    same = advice_on(ran("map"), ran("ols", 1.395, is_consistent=False))
+    same = advice_on(ran("map"), ran("ols", 1.395, consistent=False))
     assert says(same, "Inconsistency brings no gain: ols")
     consistent = advice_on(ran("map"), ran("ols", 1.2))
     assert not says(consistent, "nconsistent")
@@ -119,7 +117,7 @@ def test_what_inconsistency_buys() -> None:
 
 def test_the_boundary_is_reported() -> None:
     """Property: answers at the edge are named."""
-    edge = advice_on(ran("map"), ran("pc-ols", is_boundary=True), ran("lm"))
+    edge = advice_on(ran("map"), ran("pc-ols", boundary=True), ran("lm"))
     assert says(edge, "On the boundary of consistency: pc-ols;")
     assert not says(advice_on(ran("map"), ran("pc-ols")), "boundary")
 
@@ -146,9 +144,9 @@ def test_over_fitting() -> None:
 
 def test_the_truth_where_it_is_known() -> None:
     """Property: the nearest base parameters, and those of the chosen one beside them."""
-    both = advice_on(ran("map", base_error=0.5), ran("ols", base_error=0.3))
+    both = advice_on(ran("map", base_error_percent=0.5), ran("ols", base_error_percent=0.3))
     assert says(both, "base parameters of ols have the smallest error, 0.3 %, those of map 0.5 %")
-    single = advice_on(ran("map", base_error=0.2), ran("ols", base_error=0.3))
+    single = advice_on(ran("map", base_error_percent=0.2), ran("ols", base_error_percent=0.3))
     assert says(single, "base parameters of map have the smallest error, 0.2 %")
     assert not says(advice_on(ran("map")), "true parameters")
 

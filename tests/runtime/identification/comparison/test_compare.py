@@ -113,11 +113,11 @@ def test_rows_say_what_identify_says(lib: Library) -> None:
         unused = torque_error(left_out.tau, alone.predict_recording(left_out))
         assert figures.validation_percent == unused.overall
         assert figures.squares.sum() == pytest.approx(len(left_out) * np.sum(unused.rms**2))
-        assert figures.smallest_eigenvalue == alone.relative_eigenvalues.min()
-        assert figures.base_error is None
+        assert figures.smallest_relative_eigenvalue == alone.relative_eigenvalues.min()
+        assert figures.base_error_percent is None
         if method != "map":  # whose own weights differ from the common ones
             # The loss by samples and by the compressed factor: rounding over a gap of 1e-4.
-            assert figures.gap == pytest.approx(alone.gap, rel=1e-6)
+            assert figures.gap_to_convex_optimum == pytest.approx(alone.gap, rel=1e-6)
 
 
 def test_same_input_same_bytes(lib: Library, command: Command, tmp_path: Path) -> None:
@@ -177,7 +177,7 @@ def test_without_an_optimum_there_is_no_gap(lib: Library, monkeypatch: pytest.Mo
     monkeypatch.setattr("runtime.identification.comparison.run.convex_optimum", unsolved)
     result = compare(assemble(read_recording(EXAMPLE), lib), ("map",))
     assert result.rows[0].figures is not None
-    assert np.isnan(result.rows[0].figures.gap)
+    assert np.isnan(result.rows[0].figures.gap_to_convex_optimum)
     assert np.isnan(result.optimum)
 
 

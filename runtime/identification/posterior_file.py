@@ -30,7 +30,6 @@ from typing import Annotated, Any
 import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
 from runtime.common.files import replacing, require_file
 from runtime.errors import IdentificationError, RecordingError
@@ -95,35 +94,17 @@ class SavedPosterior:
         beta = np.hstack([beta, np.zeros((len(beta), phi.shape[1] - beta.shape[1]))])
         return np.vstack([beta, self.usual(phi)])
 
-    def usual_phi_slope(self, system: Elimination) -> Array:
-        """Slope ∂φ/∂π of the best φ, (n k, 10 n), the offset averaged over logs."""
-        return self.usual(self.phi_slope(system))
-
     def phi_over(self, system: Elimination) -> Array:
         """What the columns of L_π move φ, (n k, columns)."""
-        moved = self.phi_slope(system) @ self.pi_root
+        moved = system.slope @ self.pi_root
         if self.phi_nuisance is not None and self.phi_nuisance.size:
             first = len(self.pi_root)
             moved[:, first : first + self.phi_nuisance.shape[1]] += self.phi_nuisance
         return moved
 
-    @staticmethod
-    def phi_slope(system: Elimination) -> Array:
-        """Slope ∂φ/∂π, one row per friction coefficient."""
-        rank = len(system.matrix)
-        slope = np.zeros((system.lengths.size, system.over_pi.shape[1]))
-        if rank:
-            slope[system.order[:rank]] = -solve_triangular(system.matrix, system.over_pi)
-        return slope / system.lengths[:, None]
-
     def phi_root(self, system: Elimination) -> Array:
         """Root √S U⁻¹ of the covariance of φ at known π, one row per friction coefficient."""
-        rank = len(system.matrix)
-        root = np.zeros((system.lengths.size, rank))
-        if rank:
-            inverse = solve_triangular(system.matrix, np.eye(rank))
-            root[system.order[:rank]] = np.sqrt(self.information.density) * inverse
-        return root / system.lengths[:, None]
+        return np.asarray(np.sqrt(self.information.density) * system.root)
 
     def usual(self, rows: Array) -> Array:
         """Rows of φ with the offsets of several logs averaged, (n k, …)."""

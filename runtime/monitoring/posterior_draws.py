@@ -125,7 +125,7 @@ def draw_models(
     errors = posterior.pi_root[:, lib.pi0.size :]
     pi, factors = _with_error(density, density.pi(z), errors, rng)
     # φ | π is normal around what the result states at its π, moved by the same nuisance torque.
-    mean = saved.phi.ravel() + (pi - posterior.pi) @ posterior.usual_phi_slope(system).T
+    mean = saved.phi.ravel() + (pi - posterior.pi) @ posterior.usual(system.slope).T
     if posterior.phi_nuisance is not None and posterior.phi_nuisance.size:
         moved = posterior.usual(posterior.phi_nuisance)
         mean += factors[:, : moved.shape[1]] @ moved.T

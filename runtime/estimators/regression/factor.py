@@ -424,12 +424,29 @@ class Elimination:
 
     def phi(self, pi: Array) -> Array:
         """Best φ at π (10 n,), flat (n k,); a zero or dependent column gets 0."""
-        phi = np.zeros(self.lengths.size)
-        rank = len(self.matrix)
-        if rank:
-            rest = self.target - self.over_pi @ pi
-            phi[self.order[:rank]] = solve_triangular(self.matrix, rest)
-        return phi / self.lengths
+        return self._solved(self.target - self.over_pi @ pi)
+
+    @property
+    def slope(self) -> Array:
+        """Slope ∂φ/∂π of the best φ, (n k, 10 n)."""
+        return -self._solved(self.over_pi)
+
+    @property
+    def root(self) -> Array:
+        """Root of the covariance of φ at known π in units of the noise, (n k, rank)."""
+        return self._solved(np.eye(len(self.matrix)))
+
+    @property
+    def undetermined(self) -> Array:
+        """Columns of φ that the data do not determine."""
+        return self.order[len(self.matrix) :]
+
+    def _solved(self, right: Array) -> Array:
+        """φ whose determined columns give a right side (rank, …)."""
+        phi = np.zeros((self.lengths.size, *right.shape[1:]))
+        if len(right):
+            phi[self.order[: len(right)]] = solve_triangular(self.matrix, right)
+        return np.asarray((phi.T / self.lengths).T)
 
 
 def reduce(statistics: Statistics, joints: int) -> tuple[Reduced, Elimination]:

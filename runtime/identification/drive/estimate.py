@@ -29,7 +29,6 @@ from runtime.identification.drive.feedback import (
 )
 from runtime.identification.drive.result import DriveFit, DriveRequest
 from runtime.identification.identified import Identification
-from runtime.identification.posterior_file import SavedPosterior
 from runtime.identification.problem_setup import assemble, known_friction
 from runtime.identification.settings import SILENT, Progress, Settings, terms_of
 from runtime.identification.single_log import identify_assembled, identify_recording
@@ -240,7 +239,7 @@ def _certified(problem: DriveProblem, x: Array) -> Identification:
     uncertainty = result.uncertainty
     if uncertainty is not None and uncertainty.information is not None and step.pi_moved.size:
         _, system = reduce(uncertainty.information.statistics, problem.lib.n_joints)
-        phi = step.phi_moved - SavedPosterior.phi_slope(system) @ step.pi_moved
+        phi = step.phi_moved - system.slope @ step.pi_moved
         uncertainty = uncertainty.beside(problem.lib, step.pi_moved, phi)
     return replace(result, drive=drive, uncertainty=uncertainty)
 

@@ -348,5 +348,5 @@ def _posterior(
     sigma = np.linalg.norm(
         np.hstack([posterior.phi_over(eliminated), posterior.phi_root(eliminated)]), axis=1
     )
-    sigma[eliminated.order[len(eliminated.matrix) :]] = np.inf  # the data do not determine them
+    sigma[eliminated.undetermined] = np.inf  # the data do not determine them
     return posterior, spread.share, sigma

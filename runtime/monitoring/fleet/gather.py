@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.linalg import solve_triangular
 from threadpoolctl import threadpool_limits
 
 from runtime.common.files import bytes_of, replacing
@@ -97,19 +96,9 @@ def common_columns(units: Sequence[Unit]) -> tuple[str, ...]:
 
 def _friction(system: Elimination, level: float, count: int) -> Array:
     """f, G and v of φ = f − G β, (n k, n_b + 2), in the order of φ."""
-    rank, size = len(system.matrix), system.lengths.size
-    rows = np.zeros((size, count + 2))
-    rows[:, -1] = np.inf
-    if rank:
-        known = system.order[:rank]
-        inverse = solve_triangular(system.matrix, np.eye(rank))
-        rows[known, 0] = inverse @ system.target
-        rows[known, 1:-1] = inverse @ system.over_pi
-        rows[known, -1] = level * np.sum(inverse**2, axis=1)
-    scale = system.lengths[:, None]
-    rows[:, :-1] /= scale
-    rows[:, -1:] /= scale**2
-    return rows
+    variance = level * np.sum(system.root**2, axis=1)
+    variance[system.undetermined] = np.inf
+    return np.column_stack([system.phi(np.zeros(count)), -system.slope, variance])
 
 
 PART = 32

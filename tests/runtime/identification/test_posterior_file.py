@@ -43,7 +43,7 @@ def test_the_file_gives_the_covariance_of_the_result(
     _, system = posterior.reduced(lib)
     change = 1e-3 * np.random.default_rng(0).standard_normal(result.pi.size)
     moved = system.phi(result.pi + change) - system.phi(result.pi)
-    np.testing.assert_allclose(posterior.usual_phi_slope(system) @ change, moved, atol=1e-12)
+    np.testing.assert_allclose(posterior.usual(system.slope) @ change, moved, atol=1e-12)
 
 
 @pytest.mark.parametrize("damage", ["missing", "cut", "nan", "other", "shape"])

@@ -426,4 +426,5 @@ def _errors(columns: Array, rest: Array) -> Array:
 
 def minimum_on_grid(places: Sequence[float] | Array, losses: Sequence[float] | Array) -> float:
     """Vertex of the parabola over ln x through the smallest loss and its neighbours."""
-    return float(np.exp(vertex(np.log(places), np.asarray(losses), int(np.argmin(losses)))))
+    best, x = int(np.argmin(losses)), np.log(places)
+    return float(places[best] * np.exp(vertex(x, np.asarray(losses), best) - x[best]))

@@ -15,11 +15,10 @@ import numpy as np
 from runtime.errors import IdentificationError
 from runtime.estimators.uncertainty import Uncertainty
 from runtime.excitation.motion.trajectory import Trajectory
-from runtime.excitation.search.criteria import sizes
+from runtime.excitation.search.criteria import sizes, unseen_joints
 from runtime.excitation.search.information import information
 from runtime.excitation.search.measures import covariance
 from runtime.excitation.search.prediction import covariance_of, payload_sigma
-from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.identification.identified import Identification
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS

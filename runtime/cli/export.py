@@ -12,9 +12,9 @@ from runtime.common.terminal import completing, say
 from runtime.errors import ExportError
 from runtime.identification.model_identity import require_model
 from runtime.identification.saved_result import read_result
-from runtime.outputs.model_files.drives import drives_of
 from runtime.outputs.model_files.export import export_model
 from runtime.outputs.model_files.export_format import EXPORT_FORMATS, usual_formats
+from runtime.outputs.model_files.joint_friction import drives_of
 from runtime.outputs.model_files.model import springs_left_out
 
 

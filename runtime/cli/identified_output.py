@@ -20,8 +20,7 @@ from runtime.identification.result_record import ResultRecord
 from runtime.identification.result_tables import error_table, share_table, tested_on
 from runtime.identification.statistics_file import statistics_of, write_statistics
 from runtime.outputs.model_files.export import write_urdf
-from runtime.outputs.report.report import write_report
-from runtime.outputs.report.several_logs import left_out_table
+from runtime.outputs.report.report import left_out_table, write_report
 
 LEFT_OUT = "Leave one log out: torque error of each log"
 STATISTICS = "statistics.npz"

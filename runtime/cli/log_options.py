@@ -24,7 +24,7 @@ from runtime.estimators.prior_file import PriorFile, read_prior
 from runtime.identification.settings import AUTO
 from runtime.library import Library
 from runtime.recording import EVERYTHING, REGRESSORS, Friction, Split
-from runtime.recording.datasets import known_names
+from runtime.recording.log_files import known_names
 from runtime.recording.settings import COLUMNS
 
 

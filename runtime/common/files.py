@@ -189,6 +189,12 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
             draft.unlink(missing_ok=True)
 
 
+def write_text(path: Path, text: str) -> None:
+    """Replace a file by a text of UTF-8, as `replacing` does."""
+    with replacing(path) as file:
+        file.write(text.encode())
+
+
 def json_text(facts: Any, allow_nan: bool = False) -> str:
     """Indented JSON that ends with a line feed; NaN and infinity only where allowed."""
     return json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=allow_nan) + "\n"
@@ -206,8 +212,7 @@ def write_json(path: Path, facts: Any, allow_nan: bool = False) -> None:
         RuntimeFault: if the file cannot be written.
         ValueError: if a number is not finite.
     """
-    with replacing(path) as file:
-        file.write(json_text(facts, allow_nan).encode())
+    write_text(path, json_text(facts, allow_nan))
 
 
 @contextmanager

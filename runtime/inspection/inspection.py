@@ -4,7 +4,7 @@ Each check returns a plan (a recipe) with which the next one reads the log: firs
 files, then units, order and clock of the motion, then order, sign and unit of the torque, then the
 fit of the model. Of a log of all joints of a robot with couplings or loops, the independent joints
 are checked. Motor currents whose recipe states no gain are read with gain 1, which
-`torque_signs.scale` compares with the model; the recipe stays without gains, which `identify`
+`torque_rows.scale` compares with the model; the recipe stays without gains, which `identify`
 estimates from the rows before the test part.
 """
 
@@ -16,7 +16,8 @@ import numpy as np
 from runtime.common.tables import Table
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError, RecordingError
-from runtime.inspection.checks import clock, joint_order, motion, outlying_rows, signals, units
+from runtime.inspection.checks import clock, motion, outlying_rows, signals, units
+from runtime.inspection.checks.column_faults import joint_order
 from runtime.inspection.checks.columns import meaning
 from runtime.inspection.checks.file_layout import draft
 from runtime.inspection.checks.vendor_signals import vendor_torque
@@ -25,8 +26,7 @@ from runtime.inspection.torque_checks import CheckRun, check_commanded, check_to
 from runtime.library import Library, require_library
 from runtime.recording import Friction, Recipe, Recording
 from runtime.recording.consistency import require_joints
-from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.joint_names import renamed_joints
+from runtime.recording.coupled_joints import independent_joints, renamed_joints
 from runtime.recording.notebook import Framed
 from runtime.recording.reader import Raw, locate, read_raw, recording_of
 from runtime.recording.recipes.recipe import COMMANDED
@@ -132,7 +132,7 @@ def inspect_log(
     constant = [] if at_rest is not None else signals.constant_torque(checks.recording, lib)
     findings += constant
     if not lib.placeholders and not constant:
-        checks.run(lambda r, p: joint_order.joint_order(r, p, lib))
+        checks.run(lambda r, p: joint_order(r, p, lib))
     checks.run(lambda r, p: clock.clock(r, p, raw, lib))
     recording = checks.recording
     findings += motion.wraps(recording)
@@ -221,16 +221,12 @@ def _of_file(raw: Raw) -> list[Finding]:
         odd = next((title for title in titles if not meaning(title).is_measured), None)
         if odd is None:
             continue
-        findings.append(
-            Finding(
-                "not_measured",
-                WARNING,
-                f"the {kind} is read from '{odd}', a name of a command or a model, not of a "
-                "measurement: it fits a model very well but shows nothing of the robot; log the "
-                "measured signal",
-                {"kind": kind, "title": odd},
-            )
+        sentence = (
+            f"the {kind} is read from '{odd}', a name of a command or a model, not of a "
+            "measurement: it fits a model very well but shows nothing of the robot; log the "
+            "measured signal"
         )
+        findings.append(Finding("not_measured", WARNING, sentence, {"kind": kind, "title": odd}))
     return findings
 
 

@@ -13,14 +13,12 @@ differentiated from q with the filter of the other signals.
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from runtime.inspection.finding import INFO, WARNING, Finding, joint_list, numbers
 from runtime.library import Array, Library
 from runtime.recording import Recipe, Recording
 from runtime.recording.consistency import unwrap
-from runtime.recording.recipes.recipe import Signal
 from runtime.recording.rest_speeds import STILL
 
 ALIKE = 0.8
@@ -55,35 +53,30 @@ def velocity_pairs(
     if len(moved) > 1 and sorted(order[moved]) == moved and (best - present)[moved].mean() > GAINED:
         final = np.arange(n)
         final[moved] = order[moved]
-        changes = replace(changes, order=_composed(changes, final))
+        present_order = changes.order or tuple(range(n))
+        changes = replace(changes, order=tuple(int(present_order[k]) for k in final))
         columns = ", ".join(str(k) for k in changes.order)
-        findings.append(
-            Finding(
-                "velocity_order",
-                WARNING,
-                f"the velocities belong to other joints: the derivative of q matches the columns "
-                f"{columns} of dq (correlation {best[moved].min():.2f}, in the present order "
-                f"{present[moved].max():.2f} at most); set order = [{columns}] under [velocity]",
-                {"order": list(map(int, changes.order)), "correlation": numbers(best)},
-            )
+        sentence = (
+            f"the velocities belong to other joints: the derivative of q matches the columns "
+            f"{columns} of dq (correlation {best[moved].min():.2f}, in the present order "
+            f"{present[moved].max():.2f} at most); set order = [{columns}] under [velocity]"
         )
+        evidence = {"order": list(map(int, changes.order)), "correlation": numbers(best)}
+        findings.append(Finding("velocity_order", WARNING, sentence, evidence))
         alike = alike[:, final]
     else:
         final = np.arange(n)
     against = [j for j in range(n) if alike[j, j] < -ALIKE]
     if against:
-        sign = np.where(np.isin(np.arange(n), against), -1.0, 1.0)
-        changes = replace(changes, sign=tuple(float(s) for s in sign * _signs(changes, n)))
-        findings.append(
-            Finding(
-                "velocity_sign",
-                WARNING,
-                f"dq is opposite to the derivative of q at {joint_list(lib.joint_names, against)} "
-                f"(correlation {min(alike[j, j] for j in against):.2f}): one of the two has the "
-                "wrong sign; set sign under [velocity], or under [position] where q is reversed",
-                {"joints": against, "correlation": numbers(np.diag(alike))},
-            )
+        sign = np.where(np.isin(np.arange(n), against), -1.0, 1.0) * np.asarray(changes.sign)
+        changes = replace(changes, sign=tuple(map(float, sign)))
+        sentence = (
+            f"dq is opposite to the derivative of q at {joint_list(lib.joint_names, against)} "
+            f"(correlation {min(alike[j, j] for j in against):.2f}): one of the two has the "
+            "wrong sign; set sign under [velocity], or under [position] where q is reversed"
         )
+        facts = {"joints": against, "correlation": numbers(np.diag(alike))}
+        findings.append(Finding("velocity_sign", WARNING, sentence, facts))
     return plan.replace(velocity=changes), findings
 
 
@@ -102,17 +95,14 @@ def constant_velocity(
         return plan, []
     names = joint_list(lib.joint_names, dead)
     computed = plan if plan.law else plan.replace(velocity=None)
-    return computed, [
-        Finding(
-            "velocity_constant",
-            WARNING,
-            f"dq of {names} keeps one value while q moves by {max(travel[dead]):.3g} rad or m: "
-            "this velocity is not measured, and friction and rotor inertia of the joint are wrong; "
-            "log it, leave [velocity] out of the recipe so that all velocities are computed from "
-            "q, or lock the joint in the build",
-            {"joints": dead, "travel": numbers(travel[dead])},
-        )
-    ]
+    sentence = (
+        f"dq of {names} keeps one value while q moves by {max(travel[dead]):.3g} rad or m: "
+        "this velocity is not measured, and friction and rotor inertia of the joint are wrong; "
+        "log it, leave [velocity] out of the recipe so that all velocities are computed from "
+        "q, or lock the joint in the build"
+    )
+    evidence = {"joints": dead, "travel": numbers(travel[dead])}
+    return computed, [Finding("velocity_constant", WARNING, sentence, evidence)]
 
 
 def wraps(recording: Recording) -> list[Finding]:
@@ -135,16 +125,6 @@ def _smooth(values: Array, width: int = 9) -> Array:
         return values
     sums = np.cumsum(values, axis=0)
     return np.asarray(sums[width:] - sums[:-width]) / width
-
-
-def _composed(signal: Signal, order: NDArray[np.int64]) -> tuple[int, ...]:
-    """`order` applied to the columns in the order of the recipe."""
-    present = signal.order or tuple(range(len(order)))
-    return tuple(int(present[k]) for k in order)
-
-
-def _signs(signal: Signal, n: int) -> Array:
-    return np.broadcast_to(np.asarray(signal.sign, dtype=float), (n,))
 
 
 def velocity_filter(
@@ -171,21 +151,18 @@ def velocity_filter(
     factor, step = float(np.median(memory)), float(np.median(steps))
     lag = factor * step / (1 - factor)
     names = joint_list(lib.joint_names, [int(j) for j in moving])
-    return plan.replace(velocity=None), [
-        Finding(
-            "velocity_filtered",
-            WARNING,
-            f"dq of {names} is not a measurement: dq[k] = {factor:.3g} dq[k-1] + {1 - factor:.3g} "
-            f"(q[k] - q[k-1])/h reproduces it, a low-pass of the positions that is {1e3 * lag:.0f} "
-            "ms late; the velocity is computed from q instead: leave [velocity] out of the recipe",
-            {
-                "factor": numbers(memory),
-                "gain": numbers(gain),
-                "unexplained": numbers(rest),
-                "lag_s": lag,
-            },
-        )
-    ]
+    sentence = (
+        f"dq of {names} is not a measurement: dq[k] = {factor:.3g} dq[k-1] + {1 - factor:.3g} "
+        f"(q[k] - q[k-1])/h reproduces it, a low-pass of the positions that is {1e3 * lag:.0f} "
+        "ms late; the velocity is computed from q instead: leave [velocity] out of the recipe"
+    )
+    evidence = {
+        "factor": numbers(memory),
+        "gain": numbers(gain),
+        "unexplained": numbers(rest),
+        "lag_s": lag,
+    }
+    return plan.replace(velocity=None), [Finding("velocity_filtered", WARNING, sentence, evidence)]
 
 
 def _filter(dq: Array, slope: Array) -> tuple[float, float, float]:

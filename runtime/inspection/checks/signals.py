@@ -49,42 +49,30 @@ def saturation(recording: Recording, lib: Library) -> list[Finding]:
             peaks = ", ".join(
                 f"{np.abs(recording.tau[:, j]).max():.4g} of {effort[j]:.4g}" for j in tops
             )
-            findings.append(
-                Finding(
-                    "saturation",
-                    WARNING,
-                    f"τ is constant at its peak for {joint_list(names, tops)} "
-                    f"({', '.join(str(flat[j]) for j in tops)} rows at {peaks} N·m or N): the "
-                    "drive or the logger has cut it off, so that these rows are wrong; record a "
-                    "slower motion, or leave these intervals out",
-                    {"joints": tops, "rows": [flat[j] for j in tops]},
-                )
+            sentence = (
+                f"τ is constant at its peak for {joint_list(names, tops)} "
+                f"({', '.join(str(flat[j]) for j in tops)} rows at {peaks} N·m or N): the "
+                "drive or the logger has cut it off, so that these rows are wrong; record a "
+                "slower motion, or leave these intervals out"
             )
+            evidence = {"joints": tops, "rows": [flat[j] for j in tops]}
+            findings.append(Finding("saturation", WARNING, sentence, evidence))
         elif close.any():
             where = [int(j) for j in np.flatnonzero(close)]
-            findings.append(
-                Finding(
-                    "saturation",
-                    INFO,
-                    f"τ reaches 98 % of the limit of effort at {joint_list(names, where)}",
-                    {"joints": where},
-                )
-            )
+            sentence = f"τ reaches 98 % of the limit of effort at {joint_list(names, where)}"
+            findings.append(Finding("saturation", INFO, sentence, {"joints": where}))
     limits = lib.limits()
     ends = np.minimum(np.abs(recording.q - limits["lower"]), np.abs(recording.q - limits["upper"]))
     at_end = np.mean(ends < AT_END, axis=0)
     stops = [int(j) for j in np.flatnonzero(at_end > STOP_SHARE)]
     if stops:
-        findings.append(
-            Finding(
-                "at_stop",
-                WARNING,
-                f"{joint_list(names, stops)} stands at the end of its range for "
-                f"{100 * at_end.max():.1f} % of the time: the stop carries torque that the "
-                "model does not contain; leave these intervals out",
-                {"joints": stops, "share": [float(at_end[j]) for j in stops]},
-            )
+        sentence = (
+            f"{joint_list(names, stops)} stands at the end of its range for "
+            f"{100 * at_end.max():.1f} % of the time: the stop carries torque that the "
+            "model does not contain; leave these intervals out"
         )
+        facts = {"joints": stops, "share": [float(at_end[j]) for j in stops]}
+        findings.append(Finding("at_stop", WARNING, sentence, facts))
     return findings
 
 
@@ -102,12 +90,11 @@ def still_joints(recording: Recording, lib: Library) -> list[Finding]:
     )
     if still.size == lib.n_joints:
         sentence = "no joint moves: the log shows at most the gravity torque of one pose"
+    sentence = f"{sentence}; record a motion that moves every joint"
+    evidence = {"joints": still.tolist()}
     return [
         Finding(
-            "still_joints",
-            WARNING if 2 * still.size > lib.n_joints else INFO,
-            f"{sentence}; record a motion that moves every joint",
-            {"joints": still.tolist()},
+            "still_joints", WARNING if 2 * still.size > lib.n_joints else INFO, sentence, evidence
         )
     ]
 
@@ -130,16 +117,12 @@ def constant_torque(recording: Recording, lib: Library) -> list[Finding]:
     if not where:
         return []
     values = [float(recording.tau[moves[:, j], j][0]) for j in where]
-    return [
-        Finding(
-            "constant_torque",
-            ERROR,
-            f"the torque of {joint_list(lib.joint_names, where)} keeps one value "
-            f"({', '.join(f'{value:.4g}' for value in values)}) while the joint moves: it was not "
-            "logged; log it, or lock the joint when building the robot",
-            {"joints": where, "values": values},
-        )
-    ]
+    sentence = (
+        f"the torque of {joint_list(lib.joint_names, where)} keeps one value "
+        f"({', '.join(f'{value:.4g}' for value in values)}) while the joint moves: it was not "
+        "logged; log it, or lock the joint when building the robot"
+    )
+    return [Finding("constant_torque", ERROR, sentence, {"joints": where, "values": values})]
 
 
 def unsigned_torque(recording: Recording) -> list[Finding]:
@@ -172,15 +155,12 @@ def rest(recording: Recording, plan: Recipe, lib: Library) -> list[Finding]:
         if share < MOSTLY
         else "few rows would be left without them: record a faster motion"
     )
-    return [
-        Finding(
-            "rest",
-            INFO if given is not None else WARNING,
-            f"the arm rests for {100 * share:.0f} % of the log ({listed}{more}); there friction "
-            f"lies anywhere between its bounds and the sign of dq is noise; {what}",
-            {"share": share, "spans_s": [list(span) for span in spans]},
-        )
-    ]
+    sentence = (
+        f"the arm rests for {100 * share:.0f} % of the log ({listed}{more}); there friction "
+        f"lies anywhere between its bounds and the sign of dq is noise; {what}"
+    )
+    evidence = {"share": share, "spans_s": [list(span) for span in spans]}
+    return [Finding("rest", INFO if given is not None else WARNING, sentence, evidence)]
 
 
 def rest_spans(
@@ -205,16 +185,13 @@ def little_torque(recording: Recording, lib: Library) -> list[Finding]:
     if not few:
         return []
     listed = ", ".join(f"{rms[j]:.3g}" for j in few)
-    return [
-        Finding(
-            "little_torque",
-            INFO,
-            f"the torque of {joint_list(lib.joint_names, few)} is small (RMS {listed} N·m or N, of "
-            f"the most loaded joint {rms.max():.3g}): use the RMS error there, not the error in "
-            "percent; a wrong gain there may not be reported",
-            {"joints": few, "rms": [float(x) for x in rms]},
-        )
-    ]
+    sentence = (
+        f"the torque of {joint_list(lib.joint_names, few)} is small (RMS {listed} N·m or N, of "
+        f"the most loaded joint {rms.max():.3g}): use the RMS error there, not the error in "
+        "percent; a wrong gain there may not be reported"
+    )
+    evidence = {"joints": few, "rms": [float(x) for x in rms]}
+    return [Finding("little_torque", INFO, sentence, evidence)]
 
 
 def moving_joints(recording: Recording, lib: Library) -> Array:

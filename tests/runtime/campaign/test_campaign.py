@@ -19,13 +19,13 @@ from runtime.campaign.gear_friction import ArmModel
 from runtime.campaign.target import base_covariance, reached, target_of
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
-from runtime.excitation.limits.obstacles import Obstacle
+from runtime.excitation.limits.carried_body import Obstacle
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.motion.trajectory import JoinedMotion
 from runtime.excitation.proof.certificate import certificate_of
+from runtime.excitation.search.criteria import unseen_joints
 from runtime.excitation.search.design import Design, design
 from runtime.excitation.search.information import Information
-from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.excitation.trajectory_file import read_trajectory, write_motion
 from runtime.identification.saved_result import read_result
 from runtime.library import Library

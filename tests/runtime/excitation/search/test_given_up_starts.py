@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from runtime.cli.designed_motion import search_notes
+from runtime.cli.excite import search_notes
 from runtime.excitation.search import single_start
 from runtime.excitation.search.design import design
 from runtime.excitation.search.design_settings import DesignSettings

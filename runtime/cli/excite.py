@@ -34,11 +34,11 @@ from runtime.excitation.search.design import (
     with_motion,
 )
 from runtime.excitation.search.design_settings import DesignSettings
+from runtime.excitation.search.finish import variation_count
 from runtime.excitation.search.information import FRICTION, Information
 from runtime.excitation.search.prediction import Prediction, predict
 from runtime.excitation.search.single_start import TRIED
 from runtime.excitation.search.unseen_parameters import without_unseen
-from runtime.excitation.search.variations import variation_count
 from runtime.excitation.static_poses import (
     RANDOM_SETS,
     PoseDesign,

@@ -14,7 +14,20 @@ from runtime.library.manifest import Manifest
 from runtime.library.parameters import N_PARAMETERS
 
 
-class JointKernels:
+class Kernels:
+    """What the methods of kernels read of a library."""
+
+    name: str
+    n_joints: int
+    n_links: int
+    joint_names: tuple[str, ...]
+    link_names: tuple[str, ...]
+    base_matrix: Array
+    manifest: Manifest
+    binding: Binding
+
+
+class JointKernels(Kernels):
     """Positions, velocities and Jacobian of all joints, (N, L) or (L,) [rad, m, and per s].
 
     Args:
@@ -27,13 +40,6 @@ class JointKernels:
         ShapeError: an array has another number of joints.
         PostureError: a loop cannot close at q, or is singular there.
     """
-
-    name: str
-    n_joints: int
-    n_links: int
-    joint_names: tuple[str, ...]
-    manifest: Manifest
-    binding: Binding
 
     def all_positions(self, q: ArrayLike) -> Array:
         """Positions of all joints, ordered as `all_joint_names`: A q + b, or g(q) with loops."""
@@ -165,7 +171,7 @@ class JointKernels:
         return array
 
 
-class BodyKernels:
+class BodyKernels(Kernels):
     """Maps between λ, π and the matrices of inertia, link by link.
 
     Args:
@@ -174,10 +180,6 @@ class BodyKernels:
         slope: ∂cost/∂π, shape of λ.
         floor: smallest eigenvalue of Σ_com over its trace.
     """
-
-    n_links: int
-    link_names: tuple[str, ...]
-    binding: Binding
 
     def pi_from_lam(self, lam: ArrayLike) -> Array:
         """π of every link from λ. Source: Eqs. 4.25–4.31."""
@@ -277,7 +279,7 @@ class BodyKernels:
         return array.reshape(-1, N_PARAMETERS)
 
 
-class SafetyKernels:
+class SafetyKernels(Kernels):
     """Torques and their rate, tip, distances.
 
     Args:
@@ -290,11 +292,6 @@ class SafetyKernels:
         seed: weight of each joint, shape of q.
         plane: (4,) = (n, d), |n| = 1, in the base frame; a table at height z is 0, 0, 1, z.
     """
-
-    name: str
-    n_joints: int
-    manifest: Manifest
-    binding: Binding
 
     def torque_derivatives(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, pi: ArrayLike
@@ -418,16 +415,13 @@ class SafetyKernels:
             )
 
 
-class ProofKernels:
+class ProofKernels(Kernels):
     """Suprema over K intervals from those of the joints; units are those of SI.
 
     Args:
         motion: bounds of |q| and its first derivatives in time, (K, orders, n).
         pi: (10 L,) inertial parameters of the links.
     """
-
-    manifest: Manifest
-    binding: Binding
 
     @property
     def bounds_motions(self) -> bool:

@@ -22,7 +22,7 @@ from typing import IO, Any
 
 from runtime.common.errors import RuntimeFault
 
-__all__ = ["json_of", "replacing", "require_file", "sha256_of", "write_json"]
+__all__ = ["json_of", "replacing", "require_file", "sha256_of", "write_json", "write_text"]
 
 DRAFT = ".symgen."
 """Start of the names of files that are not complete yet; a killed process leaves them behind."""
@@ -190,7 +190,15 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Replace a file by a text of UTF-8, as `replacing` does."""
+    """Write a text in UTF-8, completely or not at all.
+
+    Args:
+        path: of the file.
+        text: its content.
+
+    Raises:
+        RuntimeFault: if the file cannot be written.
+    """
     with replacing(path) as file:
         file.write(text.encode())
 

@@ -23,8 +23,7 @@ from runtime.excitation import COST_SAMPLES, ConditionCost
 from runtime.excitation.limits.limit_rows import Limits, inside, whitening
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.motion.trajectory import fourier_basis
-from runtime.excitation.proof.certificate import certificate_of
-from runtime.excitation.proof.certified_motion import pulled_inside
+from runtime.excitation.proof.certificate import certificate_of, pulled_inside
 from runtime.excitation.search.design import design
 from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.information import information

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from runtime.inspection.inspection import inspect_log as inspect
     from runtime.library import BaseMotion, Library, load, to_pinocchio_order
     from runtime.monitoring.observer import Observer
-    from runtime.outputs.model_files.in_memory import export, to_mujoco, to_pinocchio
+    from runtime.outputs.model_files.export import export, to_mujoco, to_pinocchio
     from runtime.outputs.report.report import write_report as report
     from runtime.recording import Recording, read_recording, write_recording
     from runtime.tapes.functions import jax, torch
@@ -110,7 +110,7 @@ _MODULES = {
     "runtime.inspection.inspection:inspect_log": ("inspect",),
     "runtime.library": ("BaseMotion", "Library", "load", "to_pinocchio_order"),
     "runtime.monitoring.observer": ("Observer",),
-    "runtime.outputs.model_files.in_memory": ("export", "to_mujoco", "to_pinocchio"),
+    "runtime.outputs.model_files.export": ("export", "to_mujoco", "to_pinocchio"),
     "runtime.outputs.report.report:write_report": ("report",),
     "runtime.recording": ("Recording", "read_recording", "write_recording"),
     "runtime.tapes.functions": ("jax", "torch"),

@@ -64,7 +64,7 @@ FIRST = (
 
 PAGES = "report"
 """Folder of the tests of pages."""
-PICTURES = ("sections.torques", "sections.mass_change", "comparison.method_bars")
+PICTURES = ("report.torques", "report.mass_change", "comparison.method_bars")
 """Pictures of pages of results that are drawn in the tests of pages alone."""
 
 

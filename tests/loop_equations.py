@@ -13,9 +13,9 @@ from symgen.make.facts import initial_parameters
 from symgen.mechanics import dynamics
 from symgen.mechanics.base_parameters import numeric_base, regrouped
 from symgen.mechanics.closure import supplied
+from symgen.mechanics.dynamics import forward_dynamics, mass_matrix
 from symgen.mechanics.kinematics import all_positions
 from symgen.mechanics.loop_range import within_loops
-from symgen.mechanics.mass_matrix import forward_dynamics, mass_matrix
 from tests.linkages import Linkage, Projection, planar, spatial
 from tests.oracle import Array
 from tests.taylor import TaylorSlope, taylor_slope

@@ -9,7 +9,7 @@ from symgen.chain import Chain
 from symgen.make.facts import initial_parameters
 from symgen.mechanics import dynamics
 from symgen.mechanics.base_parameters import regrouped
-from symgen.mechanics.mass_matrix import forward_dynamics, mass_matrix
+from symgen.mechanics.dynamics import forward_dynamics, mass_matrix
 from tests.oracle import Array, pinocchio_model, random_states
 
 STATES = 20

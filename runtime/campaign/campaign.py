@@ -29,7 +29,7 @@ from runtime.common.files import DRAFT, json_of, replacing, write_json
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.safety import Safety
-from runtime.excitation.proof.certified_motion import slowed
+from runtime.excitation.proof.certificate import slowed
 from runtime.excitation.search.design import design
 from runtime.excitation.search.information import Information, information
 from runtime.excitation.trajectory_file import read_trajectory, write_trajectory

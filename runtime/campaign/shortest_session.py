@@ -24,14 +24,13 @@ import numpy as np
 from runtime.errors import IdentificationError
 from runtime.estimators.uncertainty import Uncertainty
 from runtime.excitation.motion.trajectory import JoinedMotion, Trajectory
-from runtime.excitation.proof.certified_motion import pulled_inside
-from runtime.excitation.search.criteria import sizes
+from runtime.excitation.proof.certificate import pulled_inside
+from runtime.excitation.search.criteria import sizes, unseen_joints
 from runtime.excitation.search.design import Design, design
 from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.information import Information, information
 from runtime.excitation.search.measures import covariance
 from runtime.excitation.search.prediction import covariance_of, payload_sigma
-from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.identification.expected_accuracy.session_error import (
     GAINS,
     NOISE,

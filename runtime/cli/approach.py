@@ -13,7 +13,7 @@ from runtime.errors import RecordingError, RuntimeFault
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.motion.trajectory import WAYS, JoinedMotion, joined
-from runtime.excitation.proof.certified_motion import certified
+from runtime.excitation.proof.certificate import certified
 from runtime.excitation.trajectory_file import read_trajectory, write_motion
 from runtime.excitation.way import Way, way_back, way_to
 from runtime.library import Array, Library

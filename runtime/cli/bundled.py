@@ -12,7 +12,7 @@ from runtime.common.terminal import completing, console, say
 from runtime.common.user_builds import NAME
 from runtime.errors import LibraryError, RuntimeFault
 from runtime.library.library import find
-from runtime.recording.datasets import known_names, locate
+from runtime.recording.log_files import known_names, locate
 
 FOLDER = Path(__file__).resolve().parents[1] / "tutorials"
 

@@ -1,30 +1,43 @@
-"""`symgen excite`.
+"""`symgen excite`: one motion, the shortest session, several motions, or poses at rest."""
 
-`symgen excite --settings static=true`: poses at rest in place of a motion.
-"""
-
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from runtime.cli.approach import session_plan
+import numpy as np
+from rich.progress import Progress
+
+from runtime.campaign.shortest_session import shortest_session, target_of
+from runtime.cli.approach import SessionPlan, session_plan
 from runtime.cli.common import open_robot
-from runtime.cli.designed_motion import (
-    design_notes,
-    excite_several,
-    search_notes,
-    search_progress,
-    searched,
-    with_shown_unknowns,
-    write_design,
-)
 from runtime.cli.excite_settings import POSES, ExciteSettings
-from runtime.cli.motion_output import json_path
-from runtime.cli.planned_log import planned_noise
+from runtime.cli.motion_output import SAMPLED, certified_stages, designed_by, json_path
+from runtime.cli.planned_log import planned_noise, require_gain_error
+from runtime.cli.predict import torque_sentence, unit_payload_sentence
 from runtime.common.files import replacing, require_unused
 from runtime.common.settings import settings_place
-from runtime.common.terminal import say
+from runtime.common.tables import Table
+from runtime.common.terminal import console, say, show
+from runtime.excitation import COST_SAMPLES, Trajectory
+from runtime.excitation.limits.constraints import FIT_PROXIES
 from runtime.excitation.limits.safety import Safety, unchecked
-from runtime.excitation.search.design import Design
+from runtime.excitation.motion_profile import profile_of
+from runtime.excitation.proof.certificate import certified, pulled_inside
+from runtime.excitation.search.design import (
+    Design,
+    design,
+    design_several,
+    torque_sigma,
+    with_motion,
+)
+from runtime.excitation.search.design_settings import DesignSettings
+from runtime.excitation.search.finish import variation_count
+from runtime.excitation.search.information import FRICTION, Information
+from runtime.excitation.search.prediction import Prediction, predict
+from runtime.excitation.search.single_start import TRIED
+from runtime.excitation.search.unseen_parameters import without_unseen
 from runtime.excitation.static_poses import (
     RANDOM_SETS,
     PoseDesign,
@@ -32,8 +45,219 @@ from runtime.excitation.static_poses import (
     pose_json,
     pose_table,
 )
+from runtime.excitation.trajectory_file import write_trajectory
+from runtime.identification.expected_accuracy.session_error import ModelError
 from runtime.library import Library
 from runtime.library.manifest import common_unit, torque_units
+from runtime.outputs.report.motion_figures import write_pictures
+
+
+@contextmanager
+def search_progress(criterion: str, starts: int) -> Iterator[Callable[[int, float, float], None]]:
+    """Bar of a search."""
+    with Progress(console=console, transient=True) as progress:
+        task = progress.add_task("excitation", total=starts + variation_count(criterion, starts))
+
+        def report(done: int, value: float, best: float) -> None:
+            after = f", {done - starts} variations of the best" if done > starts else ""
+            text = f"{min(done, starts)} starts{after}: {criterion} {value:.4g}, best {best:.4g}"
+            progress.update(task, completed=done, description=text)
+
+        yield report
+
+
+def with_shown_unknowns(
+    lib: Library, settings: DesignSettings, planned: Information
+) -> tuple[DesignSettings, Information]:
+    """Settings and information without parameters that no motion shows, which a note names."""
+    settings, planned, note = without_unseen(lib, settings, planned)
+    if note:
+        say(note)
+    return settings, planned
+
+
+def write_design(
+    lib: Library,
+    optimum: Design,
+    planned: Information,
+    ways: SessionPlan,
+    given: ExciteSettings,
+    path: Path,
+    session: dict[str, Any] | None,
+    note: str,
+    sentences: Callable[[Design], Iterable[str]],
+) -> None:
+    """Write a designed motion; print its criteria, certificate and the names of its files."""
+    inside = pulled_inside(lib, optimum.trajectory, share=given.share)
+    optimum = replace(optimum, trajectory=inside)
+    expected = predict(lib, optimum.trajectory, planned, planned.friction or FRICTION)
+    write_trajectory(optimum, lib, path, expected, ways.parts, session)
+    motion = certified(lib, ways.around(optimum.trajectory), optimum.safety)
+    written = [path, *given.write_samples(motion, path, designed_by(optimum))]
+    if given.pictures:
+        written += write_pictures(profile_of(motion), path.with_suffix(".png"))
+    print_design(optimum, expected, lib, note)
+    for sentence in sentences(optimum):
+        say(sentence)
+    given.write_stages(motion, path, written)
+
+
+def search_notes(best: Design, budget: float | None, starts: int) -> tuple[str, ...]:
+    """Sentences about starts that were not made, and about starts that were given up."""
+    notes, count = [], len(best.conditions)
+    descents = count + len(best.variations)
+    if count < starts:
+        reason = "interrupted" if budget is None else f"budget of {budget:g} s"
+        first = "; the first start is made in full however long it takes" if count == 1 else ""
+        notes.append(f"{reason}: {count} of {starts} starts" + first * (budget is not None))
+    if best.behind:
+        bounds = " or ".join(f"{100 * far:g} % after {steps} steps" for steps, far in TRIED)
+        notes.append(
+            f"given up: {best.behind} of {descents} starts and variations, behind the best of the "
+            f"rounds before by more than {bounds}"
+        )
+    return tuple(notes)
+
+
+def design_notes(lib: Library, requested: float, taken: float) -> tuple[str, ...]:
+    """Notes on a designed motion: a longer duration, and a robot without collision proxies."""
+    sentences = []
+    if taken != requested:
+        sentences.append(
+            f"note: {requested:g} s would break a limit, so the motion takes {taken:g} s"
+        )
+    if not lib.pairs:
+        sentences.append(
+            f"note: '{lib.name}' has no collision proxies, so collisions between its links and "
+            f"with its surroundings are not checked; {FIT_PROXIES}"
+        )
+    return tuple(sentences)
+
+
+def print_design(optimum: Design, expected: Prediction, lib: Library, note: str) -> None:
+    """Print the criteria of a design, their spread over the starts, and the expected accuracy."""
+    say(
+        f"condition number {optimum.condition:.4f} of the column-normalised base regressor "
+        f"({len(lib.base_columns)} columns, {COST_SAMPLES} samples)"
+    )
+    spreads = {"cond": optimum.conditions}
+    if optimum.criterion != "cond":
+        spreads = {f"{optimum.criterion} ({optimum.unit})": optimum.values, **spreads}
+    for label, values in spreads.items():
+        say(
+            f"starts, {label}: best {min(values):.4g}, median {np.median(values):.4g}, "
+            f"worst {max(values):.4g}"
+        )
+    if optimum.variations:
+        best = min(optimum.variations)
+        say(f"{len(optimum.variations)} variations of the best starts, cond: best {best:.4g}")
+    units = torque_units(lib.manifest)
+    show(criteria_table(expected, units))
+    for sentence in (*prediction_sentences(expected, units), *([note] if note else [])):
+        say(sentence)
+    for assumption in optimum.assumptions:
+        say(f"note: {assumption}")
+
+
+def criteria_table(prediction: Prediction, units: Sequence[str]) -> Table:
+    """All criteria, for each set of unknowns and each number of samples."""
+    unknowns = "payload" if prediction.payload_only else "base"
+    prior = ", with earlier logs" if prediction.has_earlier_logs else ""
+    sigma = prediction.noise
+    noise = f"{sigma.min():g}" + ("" if np.ptp(sigma) == 0 else f"–{sigma.max():g}")
+    rows = tuple(
+        (
+            f"{score.columns} = {unknowns}" + (" + friction" if score.friction else ""),
+            str(score.samples),
+            f"{score.condition:.3f}",
+            f"{100 * score.relative_error:.2f}",
+            f"{1000 * score.torque_error:.2f}",
+            f"{score.half_axis:.3g}",
+        )
+        for score in prediction.scores
+    )
+    return Table(
+        ("columns", "samples", "cond", "A %", f"V {common_unit(units, 'm')}", "D"),
+        rows,
+        title=f"expected at {noise} {common_unit(units)} of torque noise, "
+        f"{prediction.rate:g} Hz{prior}; cond: unit columns",
+    )
+
+
+def prediction_sentences(prediction: Prediction, units: Sequence[str]) -> tuple[str, ...]:
+    """Expected accuracy of torque and payload, and notes."""
+    lines = [torque_sentence(prediction.torque, units)]
+    if prediction.payload_mass is not None and prediction.payload_com is not None:
+        lines.append(unit_payload_sentence(prediction.payload_mass, prediction.payload_com))
+    return (*lines, *(f"note: {note}" for note in prediction.notes))
+
+
+def searched(
+    lib: Library,
+    given: ExciteSettings,
+    settings: DesignSettings,
+    ways: SessionPlan,
+    known: Information,
+    progress: Callable[[int, float, float], None],
+) -> tuple[Design, dict[str, Any], tuple[str, ...]]:
+    """Design of the settings, or of the shortest session for --until."""
+    search = {"progress": progress, **given.search}
+    if given.until is None:
+        return design(lib, settings, **search), {}, ()
+    require_gain_error(given.gain_error)
+    error, target = ModelError(gain=given.gain_error), target_of(given.until)
+    session = shortest_session(lib, target, settings, known, error, ways.around, **search)
+    facts = session.facts()
+    whole = ways.around(session.design.trajectory).duration
+    seconds = f"session: {_times(ways, session.design.trajectory)} = {whole:.3g} s"
+    if facts["runs"] > 1:
+        seconds += f", twice: {2 * whole:.3g} s"
+    tried = ", ".join(
+        f"{seconds_:.3g} s {session.target.shown(sigma)}"
+        for seconds_, sigma in sorted(session.attempts.items())
+    )
+    sentences = (session.sentence(), seconds, f"tried: {tried}")
+    return session.design, {"promise": facts | {"session_s": whole}}, sentences
+
+
+def _times(ways: SessionPlan, motion: Trajectory) -> str:
+    """Time of each part."""
+    parts = {"approach": ways.parts.get("approach"), "motion": motion}
+    parts["return"] = ways.parts.get("return")
+    return " + ".join(
+        f"{name} {0.0 if part is None else part.duration:.3g} s" for name, part in parts.items()
+    )
+
+
+def excite_several(
+    lib: Library, given: ExciteSettings, settings: DesignSettings, known: Information, place: Path
+) -> None:
+    """Design several motions, print what their logs will show together, and write them."""
+    count = given.motions
+    paths = [place.with_name(f"{place.stem}-{k}.json") for k in range(1, count + 1)]
+    names = [p for one in paths for p in (one, one.with_suffix(SAMPLED))]
+    consent = "--settings overwrite=true"
+    require_unused([*names, settings_place(place)], given.overwrite, consent=consent)
+    written = []
+    designs = design_several(lib, settings, count, **given.search)
+    unit = common_unit(torque_units(lib.manifest), "m")
+    for k, (path, designed) in enumerate(zip(paths, designs, strict=True), 1):
+        optimum = replace(
+            designed, trajectory=pulled_inside(lib, designed.trajectory, share=settings.margin)
+        )
+        expected = predict(lib, optimum.trajectory, known, known.friction or FRICTION)
+        known = with_motion(lib, optimum.trajectory, known)
+        write_trajectory(optimum, lib, path, expected)
+        motion = certified(lib, optimum.trajectory, settings.safety)
+        sentence = f"Designed by symgen, motion {k} of {count}."
+        written += [path, *given.write_samples(motion, path, sentence)]
+        sigma = torque_sigma(lib, optimum.trajectory.home, known)
+        say(
+            f"motion {k}: {optimum.trajectory.duration:.4g} s; expected σ of the torque of motions "
+            f"never seen, by the logs so far: {1e3 * sigma:.4g} {unit}"
+        )
+        certified_stages(motion, given.percents)
+    say(f"trajectories: {', '.join(map(str, written))}")
 
 
 def excite_static(lib: Library, safety: Safety, given: ExciteSettings) -> Path:

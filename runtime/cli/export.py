@@ -10,9 +10,9 @@ from runtime.cli.log_options import ResultChoices, open_result
 from runtime.common.settings import output_field
 from runtime.common.terminal import completing, say, say_notes
 from runtime.errors import ExportError
-from runtime.outputs.model_files.drives import drives_of
 from runtime.outputs.model_files.export import export_model
 from runtime.outputs.model_files.export_format import EXPORT_FORMATS, usual_formats
+from runtime.outputs.model_files.joint_friction import drives_of
 from runtime.outputs.model_files.model import springs_left_out
 
 

@@ -43,8 +43,7 @@ from runtime.identification.several_logs import NamedLog, read_carried
 from runtime.identification.statistics_file import statistics_of, write_statistics
 from runtime.library import Array, Library
 from runtime.outputs.model_files.export import write_urdf
-from runtime.outputs.report.report import write_report
-from runtime.outputs.report.several_logs import left_out_table
+from runtime.outputs.report.report import left_out_table, write_report
 from runtime.recording import read_recording
 from runtime.recording.streamed import StreamedRecording, is_large, open_log
 

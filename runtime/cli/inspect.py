@@ -15,7 +15,7 @@ from runtime.common.tables import Table
 from runtime.common.terminal import command_line, console, say, show
 from runtime.errors import RecordingError
 from runtime.inspection import ERROR, INFO, WARNING, Inspection, inspect_log, recipe_text
-from runtime.inspection.proposed_recipe import skeleton_text
+from runtime.inspection.inspection import skeleton_text
 from runtime.outputs.report.log_figure import draw_log
 
 _STYLES = {ERROR: "red", WARNING: "yellow", INFO: "dim"}

@@ -33,7 +33,7 @@ from runtime.identification.saved_result import SavedResult, read_result, requir
 from runtime.identification.settings import AUTO
 from runtime.library import Library
 from runtime.recording import EVERYTHING, REGRESSORS, Friction, Split
-from runtime.recording.datasets import known_names
+from runtime.recording.log_files import known_names
 from runtime.recording.settings import COLUMNS
 
 

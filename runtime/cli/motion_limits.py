@@ -13,9 +13,8 @@ from runtime.errors import RecordingError, RuntimeFault
 from runtime.estimators.convex.entropic_prior import bodies_of, prior_of
 from runtime.estimators.prior_file import TRUST
 from runtime.estimators.regression.samples import NORMAL_95
-from runtime.excitation.limits.carried_body import CarriedBody, CarriedBox
+from runtime.excitation.limits.carried_body import CarriedBody, CarriedBox, read_obstacles
 from runtime.excitation.limits.constraints import TABLE_MARGIN
-from runtime.excitation.limits.obstacles import read_obstacles
 from runtime.excitation.limits.safety import TABLE, Safety
 from runtime.identification.payload.body import (
     KnownPayload,

@@ -13,13 +13,15 @@ from runtime.common.settings import method_field, output_field, settings_place
 from runtime.common.tables import Table
 from runtime.common.terminal import completing, say, show
 from runtime.errors import RuntimeFault
-from runtime.excitation.limits.obstacles import OBSTACLE
+from runtime.excitation.limits.carried_body import OBSTACLE
 from runtime.excitation.limits.safety import Safety, require_consent
 from runtime.excitation.limits.safety import unchecked as unchecked_limits
 from runtime.excitation.motion_export import CERTIFICATE, MOTION_FORMATS, export_trajectory
-from runtime.excitation.proof.certificate import DISTANCES, Certificate, Use
-from runtime.excitation.proof.certified_motion import (
+from runtime.excitation.proof.certificate import (
+    DISTANCES,
+    Certificate,
     CertifiedMotion,
+    Use,
     certified,
     require_speed,
     slowed,

@@ -30,8 +30,8 @@ from runtime.common.tables import Table
 from runtime.common.terminal import completing, say, show
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.posterior import DETERMINED
+from runtime.excitation.search.criteria import unseen_joints
 from runtime.excitation.search.information import FRICTION, NOISE, RATE, information
-from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.excitation.trajectory_file import read_trajectory
 from runtime.identification.expected_accuracy.expected import (
     ARM_ERROR,

@@ -21,12 +21,14 @@ from runtime.errors import IdentificationError
 from runtime.identification.posterior_file import read_posterior
 from runtime.monitoring.posterior_draws import draw_models
 from runtime.outputs.model_files.export_format import EXPORT_FORMATS
-from runtime.outputs.model_files.randomisation import (
+from runtime.outputs.model_files.sampled_models import (
     RANDOMISERS,
+    TABLE,
     randomiser_paths,
+    sample_paths,
     write_randomisers,
+    write_samples,
 )
-from runtime.outputs.model_files.sampled_models import TABLE, sample_paths, write_samples
 
 THICKENED = (
     "the prior takes thin links thicker than the URDF, which the log does not favour by 20 to 1: "

@@ -150,20 +150,7 @@ def simulate_command(given: SimulateSettings) -> None:
         def report(part: float) -> None:
             progress.update(task, completed=part)
 
-        if virtual:
-            made = _virtual(lib, motion, given, report)
-        else:
-            noise = {
-                "position_noise": given.position_noise,
-                "velocity_noise": given.velocity_noise,
-                "torque_noise": given.torque_noise,
-            }
-            parts = {"viscous": given.viscous, "coulomb": given.coulomb, "rotor": given.rotor}
-            usual = 100.0 if given.exact else 1000.0
-            rate = usual if given.control_rate is None else given.control_rate
-            made = _compiled(
-                lib, motion, given.perturb, parts, noise, rate, given.exact, given.seed, report
-            )
+        made = (_virtual if virtual else _compiled)(lib, motion, given, report)
     _write(lib, motion, made, path, given.keep_every)
     given.write(path)
 
@@ -208,30 +195,31 @@ def _virtual(
 
 
 def _compiled(
-    lib: Library,
-    motion: Trajectory,
-    perturb: float,
-    parts: dict[str, float],
-    noise: dict[str, float],
-    rate: float,
-    exact: bool,
-    seed: int,
-    report: Callable[[float], None],
+    lib: Library, motion: Trajectory, given: SimulateSettings, report: Callable[[float], None]
 ) -> Made:
-    rng = np.random.default_rng(seed)
-    lam = perturbed_lam(lib, perturb, rng)
+    rng = np.random.default_rng(given.seed)
+    lam = perturbed_lam(lib, given.perturb, rng)
     pi = lib.pi_from_lam(lam)
-    plant = Plant(pi, **parts, **noise)
+    parts = {"viscous": given.viscous, "coulomb": given.coulomb, "rotor": given.rotor}
+    plant = Plant(
+        pi,
+        **parts,
+        position_noise=given.position_noise,
+        velocity_noise=given.velocity_noise,
+        torque_noise=given.torque_noise,
+    )
+    usual = 100.0 if given.exact else 1000.0
+    rate = usual if given.control_rate is None else given.control_rate
     truth = {
         "robot": lib.name,
-        "seed": seed,
-        "perturb": perturb,
+        "seed": given.seed,
+        "perturb": given.perturb,
         "pi": pi.tolist(),
         "lam": lam.tolist(),
         **parts,
         "coulomb_speed": plant.coulomb_speed,
     }
-    if exact:
+    if given.exact:
         return ideal(lib, motion, plant, rate, rng), truth, None
     recording = closed_loop(lib, motion, plant, rng, rate, report)
     return recording, truth, (Controller(), parts["rotor"], rate)

@@ -8,11 +8,10 @@ import numpy as np
 
 from runtime.cli.common import open_robot
 from runtime.cli.log_options import LogChoices
-from runtime.common.files import replacing, require_unused
+from runtime.common.files import require_unused, write_text
 from runtime.common.settings import argument_field, data_field, method_field, output_field
 from runtime.common.terminal import say
-from runtime.outputs.viewer.player import Player, read_motion
-from runtime.outputs.viewer.scene import FRAME_S, Scene
+from runtime.outputs.viewer.player import FRAME_S, Player, Scene, read_motion
 from runtime.outputs.viewer.shapes import look_of
 
 
@@ -59,8 +58,7 @@ def view_command(given: ViewSettings) -> None:
         if given.html is not None:
             times = np.arange(0.0, played.duration + FRAME_S / 2, FRAME_S)
             film = scene.film(np.array([played.at(float(t))[0] for t in times]))
-            with replacing(given.html) as file:
-                file.write(film.encode())
+            write_text(given.html, film)
             say(f"film:   {given.html}")
             return
         say(f"viewer: {scene.url} (Ctrl-C ends it)")

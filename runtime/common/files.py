@@ -22,7 +22,7 @@ from typing import IO, Any
 
 from runtime.common.errors import RuntimeFault
 
-__all__ = ["json_of", "replacing", "require_file", "sha256_of", "write_json"]
+__all__ = ["json_of", "replacing", "require_file", "sha256_of", "write_json", "write_text"]
 
 DRAFT = ".symgen."
 """Start of the names of files that are not complete yet; a killed process leaves them behind."""
@@ -189,6 +189,20 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
             draft.unlink(missing_ok=True)
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write a text in UTF-8, completely or not at all.
+
+    Args:
+        path: of the file.
+        text: its content.
+
+    Raises:
+        RuntimeFault: if the file cannot be written.
+    """
+    with replacing(path) as file:
+        file.write(text.encode())
+
+
 def json_text(facts: Any, allow_nan: bool = False) -> str:
     """Indented JSON that ends with a line feed; NaN and infinity only where allowed."""
     return json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=allow_nan) + "\n"
@@ -206,8 +220,7 @@ def write_json(path: Path, facts: Any, allow_nan: bool = False) -> None:
         RuntimeFault: if the file cannot be written.
         ValueError: if a number is not finite.
     """
-    with replacing(path) as file:
-        file.write(json_text(facts, allow_nan).encode())
+    write_text(path, json_text(facts, allow_nan))
 
 
 @contextmanager

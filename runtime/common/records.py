@@ -97,26 +97,6 @@ def record_from_toml(kind: type[T], path: Path, where: str, error: type[Exceptio
     return record_from_table(kind, table, where, error)
 
 
-def table_from_record(record: Record) -> dict[str, Any]:
-    """Table that `record_from_table` reads as this record, without what has its default value."""
-    table: dict[str, Any] = msgspec.to_builtins(record)
-    return _without_defaults(record, table)
-
-
-def _without_defaults(record: Any, table: Any) -> Any:
-    if isinstance(record, tuple | list):
-        return [_without_defaults(*pair) for pair in zip(record, table, strict=True)]
-    if not isinstance(record, msgspec.Struct):
-        return table
-    kept = {}
-    for field in msgspec.structs.fields(record):
-        value, factory = getattr(record, field.name), field.default_factory
-        default = field.default if factory is msgspec.NODEFAULT else factory()
-        if value != default:
-            kept[field.encode_name] = _without_defaults(value, table[field.encode_name])
-    return kept
-
-
 def _sentence(kind: Any, table: Any, fault: str) -> str:
     match = _FAULT.fullmatch(fault)
     text, path = (match["text"], match["path"] or "$") if match else (fault, "$")

@@ -32,7 +32,7 @@ import msgspec
 import typer
 
 from runtime.common.errors import RuntimeFault
-from runtime.common.files import replacing, tables_of, toml_of
+from runtime.common.files import tables_of, toml_of, write_text
 from runtime.common.records import record_from_table
 
 __all__ = ["argument_field", "method_field", "output_field"]
@@ -94,8 +94,7 @@ class Choices:
     def write(self, result: Path) -> Path:
         """Write the complete record beside a result, a folder or a file."""
         place = settings_place(result)
-        with replacing(place) as file:
-            file.write("\n".join((*_lines(self), "")).encode())
+        write_text(place, "\n".join((*_lines(self), "")))
         return place
 
 

@@ -23,8 +23,7 @@ from runtime.common.files import replacing, write_json
 from runtime.errors import ExportError
 from runtime.excitation.limits.safety import require_consent
 from runtime.excitation.motion.trajectory import sample_times
-from runtime.excitation.proof.certificate import Use
-from runtime.excitation.proof.certified_motion import CertifiedMotion
+from runtime.excitation.proof.certificate import CertifiedMotion, Use
 from runtime.library import Array
 from runtime.recording import Recording, write_recording
 from runtime.registry import Registry

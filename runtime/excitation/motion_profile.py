@@ -9,14 +9,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.excitation.limits.carried_body import CarriedClearance, CarriedHeight
+from runtime.excitation.limits.carried_body import (
+    CarriedClearance,
+    CarriedHeight,
+    ObstacleClearance,
+)
 from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.distance_limits import LinkClearance, TableClearance
-from runtime.excitation.limits.obstacles import ObstacleClearance
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.limits.torque_limits import Torque
-from runtime.excitation.proof.certificate import KINDS, Certificate
-from runtime.excitation.proof.certified_motion import CertifiedMotion
+from runtime.excitation.proof.certificate import KINDS, Certificate, CertifiedMotion
 from runtime.library import Array, Library
 
 SAMPLES = 1001

@@ -31,8 +31,8 @@ from runtime.excitation.limits.safety import Safety
 from runtime.excitation.limits.torque_limits import TorqueRate
 from runtime.excitation.motion.family import Transfer
 from runtime.excitation.motion.trajectory import GAP, Trajectory, end_of
+from runtime.excitation.proof.bounds import KINDS
 from runtime.excitation.proof.certificate import DISTANCES, Certificate, certificate_of
-from runtime.excitation.proof.joint_bounds import KINDS
 from runtime.excitation.search.design_settings import LONGEST
 from runtime.library import Array, Library
 

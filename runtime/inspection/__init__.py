@@ -5,7 +5,6 @@ faults of a model file are reported by `python -m symgen inspect`.
 """
 
 from runtime.inspection.finding import ERROR, INFO, WARNING, Finding
-from runtime.inspection.inspection import Inspection, inspect_log
-from runtime.inspection.proposed_recipe import recipe_text
+from runtime.inspection.inspection import Inspection, inspect_log, recipe_text
 
 __all__ = ["ERROR", "INFO", "WARNING", "Finding", "Inspection", "inspect_log", "recipe_text"]

@@ -4,11 +4,16 @@ Each check returns a plan (a recipe) with which the next one reads the log: firs
 files, then units, order and clock of the motion, then order, sign and unit of the torque, then the
 fit of the model. Of a log of all joints of a robot with couplings or loops, the independent joints
 are checked. Motor currents whose recipe states no gain are read with gain 1, which
-`torque_signs.scale` compares with the model; the recipe stays without gains, which `identify`
+`torque_rows.scale` compares with the model; the recipe stays without gains, which `identify`
 estimates from the rows before the test part.
+
+The proposed recipe is written as TOML for `identify --recipe`, with the findings as comments.
+Values that only the user has (gears, the zero of motor angles) are a block to be filled in.
 """
 
-from dataclasses import dataclass, replace
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +21,8 @@ import numpy as np
 from runtime.common.tables import Table
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError, RecordingError
-from runtime.inspection.checks import clock, joint_order, motion, outlying_rows, signals, units
+from runtime.inspection.checks import clock, outlying_rows, signals, units
+from runtime.inspection.checks.column_faults import joint_order
 from runtime.inspection.checks.columns import meaning
 from runtime.inspection.checks.file_layout import draft
 from runtime.inspection.checks.vendor_signals import vendor_torque
@@ -25,12 +31,14 @@ from runtime.inspection.torque_checks import CheckRun, check_commanded, check_to
 from runtime.library import Library, require_library
 from runtime.recording import Friction, Recipe, Recording
 from runtime.recording.consistency import require_joints
-from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.joint_names import renamed_joints
+from runtime.recording.coupled_joints import independent_joints, renamed_joints
+from runtime.recording.formats import format_of_suffix
+from runtime.recording.formats.text_tables import numbers_in
+from runtime.recording.log_files import LogFiles
 from runtime.recording.notebook import Framed
 from runtime.recording.reader import Raw, locate, read_raw, recording_of
-from runtime.recording.recipes.recipe import COMMANDED
-from runtime.recording.recipes.recipe_file import load_recipe
+from runtime.recording.recipes.recipe import COMMANDED, JSON_CELLS
+from runtime.recording.recipes.recipe_file import load_recipe, toml_value
 from runtime.recording.static_poses import static_poses
 
 _PASSIVE = 1e-9
@@ -124,18 +132,18 @@ def inspect_log(
         checks.run(lambda r, p: outlying_rows.outlying_rows(r, p, lib))
     else:
         findings.append(_of_poses(len(at_rest)))
-    checks.run(lambda r, p: motion.velocity_pairs(r, p, lib))
-    checks.run(lambda r, p: motion.constant_velocity(r, p, lib))
+    checks.run(lambda r, p: signals.velocity_pairs(r, p, lib))
+    checks.run(lambda r, p: signals.constant_velocity(r, p, lib))
     checks.run(lambda r, p: units.units(r, p, lib))
-    checks.run(lambda r, p: motion.velocity_filter(r, p, lib))
+    checks.run(lambda r, p: signals.velocity_filter(r, p, lib))
     blind = any(f.kind == "missing_clock" and f.level == ERROR for f in findings)
     constant = [] if at_rest is not None else signals.constant_torque(checks.recording, lib)
     findings += constant
     if not lib.placeholders and not constant:
-        checks.run(lambda r, p: joint_order.joint_order(r, p, lib))
+        checks.run(lambda r, p: joint_order(r, p, lib))
     checks.run(lambda r, p: clock.clock(r, p, raw, lib))
     recording = checks.recording
-    findings += motion.wraps(recording)
+    findings += signals.wraps(recording)
     if not blind and at_rest is None:
         findings += signals.saturation(recording, lib) + signals.rest(recording, checks.plan, lib)
         findings[:0] = signals.still_joints(recording, lib)  # stated before what follows from it
@@ -221,16 +229,12 @@ def _of_file(raw: Raw) -> list[Finding]:
         odd = next((title for title in titles if not meaning(title).is_measured), None)
         if odd is None:
             continue
-        findings.append(
-            Finding(
-                "not_measured",
-                WARNING,
-                f"the {kind} is read from '{odd}', a name of a command or a model, not of a "
-                "measurement: it fits a model very well but shows nothing of the robot; log the "
-                "measured signal",
-                {"kind": kind, "title": odd},
-            )
+        sentence = (
+            f"the {kind} is read from '{odd}', a name of a command or a model, not of a "
+            "measurement: it fits a model very well but shows nothing of the robot; log the "
+            "measured signal"
         )
+        findings.append(Finding("not_measured", WARNING, sentence, {"kind": kind, "title": odd}))
     return findings
 
 
@@ -324,3 +328,110 @@ def stated(plan: Recipe, findings: list[Finding]) -> tuple[Recipe, list[Finding]
     stated_gains = Finding("current_gains", INFO, sentence, evidence)
     torque = None if plan.torque is None else replace(plan.torque, gain=None)
     return plan.replace(torque=torque), [*rest, stated_gains]
+
+
+_TABLES = (
+    *("time", "position", "velocity", "acceleration", "torque", "gear"),
+    *("preparation", "split", "friction"),
+)
+MOST_FILES = 12
+"""Files of a folder whose columns a skeleton lists."""
+_KEYS = ("description", "robot", "run", "joints", "leave_out")
+
+
+def recipe_text(inspection: Inspection) -> str:
+    """TOML of the proposed recipe; its comments are to be read before it is used."""
+    plan = inspection.plan
+    blind = any(f.kind == "missing_clock" and f.level == ERROR for f in inspection.findings)
+    todo = inspection.of_level(ERROR, WARNING)
+    what = "its findings:" if todo else "it found nothing wrong."
+    lines = [f"# Proposed by python -m runtime inspect; {what}"]
+    for finding in todo:
+        text = f"{finding.level}: {finding.sentence}"
+        lines += textwrap.wrap(text, 96, initial_indent="#   ", subsequent_indent="#     ")
+    lines.append("")
+    lines += [f"{key} = {toml_value(getattr(plan, key))}" for key in _KEYS if getattr(plan, key)]
+    for name in _TABLES:
+        table = _table(plan, name)
+        if name == "time" and blind:
+            lines += [
+                "",
+                "[time]",
+                "# The rate of the logger, which the files do not contain:",
+                "# rate_hz =",
+            ]
+            continue
+        if table:
+            lines += ["", f"[{name}]", *(f"{key} = {value}" for key, value in table.items())]
+    if any(f.kind == "position_range" for f in inspection.findings) and not plan.gear:
+        lines += _gear_stub(len(inspection.recording.q[0]))
+    return "\n".join(lines) + "\n"
+
+
+def skeleton_text(log: str, joints: Sequence[str]) -> str:
+    """TOML of a recipe to be filled in, with the columns or arrays of the file as comments."""
+    place = locate(log)
+    file: tuple[str, ...] = () if place.is_file() else ('file = "…"',)
+    more = file
+    named = ", ".join("…" for _ in joints)
+    lines = [f"# Columns and units of {place.name} were not understood; state them, then identify."]
+    files = LogFiles(place, Recipe())
+    names = [place.name] if place.is_file() else sorted(p.name for p in place.iterdir())
+    for name in (each for each in names[:MOST_FILES] if format_of_suffix(each)):
+        reader = files.reader(name, "")
+        arrays = [f"{key}  {list(shape)}" for key, shape in reader.arrays().items()]
+        rows = reader.head()[:2]
+        cells = [
+            f"{k}  {'  '.join(column)}"[:96] for k, column in enumerate(zip(*rows, strict=False))
+        ]
+        if named != '"…"' and any(numbers_in(cell) for row in rows for cell in row):
+            more = (*more, f'cells = "{JSON_CELLS}"')  # each signal is one column of lists
+            named = '"…"'
+        lines += [f"# {name} holds:", *(f"#   {each}" for each in arrays or cells)]
+    order = f"Columns stand in the order of the joints: {', '.join(joints)}. Where the log lacks"
+    order += " some, build the robot without them: --base, --tip, --lock."
+    lines += textwrap.wrap(order, 96, initial_indent="# ", subsequent_indent="#   ")
+    tables = {
+        "time": (*file, "column = 0", 'unit = "s"'),
+        "position": (f"columns = [{named}]", *more, 'unit = "rad"'),
+        "torque": (f"columns = [{named}]", *more, 'unit = "N*m"'),
+    }
+    for name, keys in tables.items():
+        lines += ["", f"# [{name}]", *(f"# {key}" for key in keys)]
+    return "\n".join(lines) + "\n"
+
+
+def _table(plan: Recipe, name: str) -> dict[str, str]:
+    """Entries of one table that are not the default."""
+    if name == "gear":
+        return {"matrix": toml_value(plan.gear)} if plan.gear else {}
+    part = plan.law if name == "torque" and plan.law is not None else getattr(plan, name)
+    if part is None:
+        return {}
+    entries = {}
+    for item in fields(part):
+        value = getattr(part, item.name)
+        default = item.default
+        needed = item.name in {"unit", "columns"} and value not in ("", ())
+        if name == "friction" and item.name == "gear":
+            continue
+        if value is not None and (needed or value != default):
+            entries[item.name] = toml_value(value)
+    return entries
+
+
+def _gear_stub(n: int) -> list[str]:
+    rows = [
+        "#     [" + ", ".join("1.0" if i == j else "0.0" for j in range(n)) + "]," for i in range(n)
+    ]
+    return [
+        "",
+        "# If these are motor angles and motor torques, take the gears from the manufacturer.",
+        "# Write R of q_motor = R q_joint (the row of a motor that turns with another joint has",
+        "# two entries), and under [position] the offset of the zero of each joint, in rad; then",
+        "# inspect again with --recipe, which proposes the filter and the friction, too.",
+        "# [gear]",
+        "# matrix = [",
+        *rows,
+        "# ]",
+    ]

@@ -17,15 +17,8 @@ from runtime.estimators.choice.regressor_choice import (
     choose_regressor,
     differentiation_of,
 )
-from runtime.inspection.checks import (
-    column_faults,
-    drives,
-    gravity,
-    model_fit,
-    signals,
-    torque_signs,
-)
-from runtime.inspection.checks.torque_rows import TorqueRows, rough, torque_rows_of
+from runtime.inspection.checks import column_faults, drives, gravity, model_fit, signals
+from runtime.inspection.checks.torque_rows import TorqueRows, rough, scale, torque_rows_of
 from runtime.inspection.finding import INFO, WARNING, Finding, joint_list
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recipe, Recording, Split
@@ -89,7 +82,7 @@ def check_torque(checks: CheckRun, lib: Library, propose: bool) -> None:
             checks.run_on_torque(column_faults.column_faults, lib, terms)
             _merge_orders(checks, lib)
             terms = _with_rotors(checks, lib, terms)
-            checks.run_on_torque(torque_signs.scale, lib, terms)
+            checks.run_on_torque(scale, lib, terms)
             _judge_reversal(checks, lib, terms)
         checks.findings += _placeholders(lib)
         preparation = checks.plan.preparation
@@ -327,13 +320,12 @@ def _candidates(choice: CutoffChoice) -> list[Preparation]:
 def _instead(ready: Preparation, choice: CutoffChoice) -> Finding:
     """The note that another candidate is proposed."""
     from_q = " with velocities from q" * (ready.derivative == "position")
-    return Finding(
-        "regressor",
-        INFO,
+    sentence = (
         f"a cut-off of {ready.cutoff_hz:g} Hz{from_q} is proposed instead of "
         f"{choice.chosen.cutoff_hz:g} Hz, at which differentiation fails; it predicts nearly as "
-        "well",
+        "well"
     )
+    return Finding("regressor", INFO, sentence)
 
 
 def _thinned(ready: Preparation, recording: Recording, lib: Library) -> Preparation:

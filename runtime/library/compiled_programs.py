@@ -123,15 +123,11 @@ class CompiledExcitation:
         place = self._workplace(coefficients)
         return place.run(True), place.gradient.copy()
 
-    def deficient(self) -> bool:
-        """Whether the last regressor of this thread was rank-deficient to rounding."""
-        return bool(self._local.place.job.deficient)
-
     def _workplace(self, coefficients: Array) -> "_Workplace":
         place = getattr(self._local, "place", None)
         if place is None:
-            place = self._local.place = _Workplace(self._cost, self._work, self._job())
-            place.keep(np.zeros((len(self._home), self._harmonics)))
+            shape = len(self._home), self._harmonics
+            place = self._local.place = _Workplace(self._cost, self._work, self._job(), shape)
         place.coefficients[...] = coefficients
         return place
 
@@ -144,19 +140,13 @@ class CompiledExcitation:
 class _Workplace:
     """Arrays that one thread writes to; their addresses are looked up once."""
 
-    def __init__(self, cost: Any, work: Any, job: _CostJob) -> None:
+    def __init__(self, cost: Any, work: Any, job: _CostJob, shape: tuple[int, int]) -> None:
         self.job, self._cost = job, cost
         self._work = zeros(work(ctypes.byref(job)))
         job.work = _pointer(self._work)
-
-    def keep(self, like: Array) -> None:
-        """Arrays for a and the gradient."""
-        self.coefficients, self.gradient = like, np.zeros_like(like)
-        self._arguments = (
-            ctypes.byref(self.job),
-            self.coefficients.ctypes.data,
-            self.gradient.ctypes.data,
-        )
+        self.coefficients, self.gradient = np.zeros(shape), np.zeros(shape)
+        arrays = (each.ctypes.data for each in (self.coefficients, self.gradient))
+        self._arguments = (ctypes.byref(job), *arrays)
 
     def run(self, slope: bool) -> float:
         job, a, gradient = self._arguments

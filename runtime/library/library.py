@@ -14,10 +14,9 @@ from runtime.errors import LibraryError
 from runtime.library.binding import Array, Binding
 from runtime.library.compiled_programs import CompiledStatistics
 from runtime.library.free_base import FREEDOM, ROWS
-from runtime.library.joint_kernels import BodyKernels, JointKernels
+from runtime.library.joint_kernels import BodyKernels, JointKernels, ProofKernels, SafetyKernels
 from runtime.library.manifest import read_manifest
 from runtime.library.motion_kernels import MotionKernels
-from runtime.library.safety_kernels import ProofKernels, SafetyKernels
 
 
 class Library(JointKernels, MotionKernels, SafetyKernels, ProofKernels, BodyKernels):

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from runtime.errors import LibraryError
-from runtime.library.binding import Array, Binding
+from runtime.library.binding import Array
 from runtime.library.free_base import FREEDOM, BaseMotion, stacked, with_base
-from runtime.library.manifest import Manifest
+from runtime.library.joint_kernels import Kernels
 
 Base = BaseMotion | None
 
 
-class MotionKernels:
+class MotionKernels(Kernels):
     """Dynamics, regressors, equations of controllers and bases of trajectories of one robot.
 
     Args:
@@ -37,14 +37,6 @@ class MotionKernels:
         t: times, one number or (N,) [s].
         t_f: duration [s].
     """
-
-    name: str
-    n_joints: int
-    n_links: int
-    link_names: tuple[str, ...]
-    manifest: Manifest
-    base_matrix: Array
-    binding: Binding
 
     def inverse_dynamics(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, pi: ArrayLike, *, base: Base = None

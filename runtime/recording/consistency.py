@@ -48,10 +48,11 @@ def check_consistency(recording: Recording) -> Recording:
     for suspicion, factor in looks.items():
         joints = np.flatnonzero(np.abs(slopes / factor - 1.0) < 0.15)
         if joints.size:
+            others = f" (and at {joints.size - 1} more)" if joints.size > 1 else ""
             raise RecordingError(
                 f"{suspicion}: expected Δq/Δt equal to dq, but their ratio is "
                 f"{slopes[joints[0]]:.4g} at joint {joints[0] + 1}"
-                f"{_others(joints)}; state the unit in a recipe"
+                f"{others}; state the unit in a recipe"
             )
     odd = np.flatnonzero(np.abs(slopes - 1.0) > 0.1)
     if odd.size:
@@ -120,10 +121,6 @@ def _note_suspicions(recording: Recording) -> Recording:
             f"Warning: positions reach {reach:.4g}, more than four turns; check their unit."
         )
     return recording
-
-
-def _others(joints: NDArray[np.int64]) -> str:
-    return f" (and at {joints.size - 1} more)" if joints.size > 1 else ""
 
 
 BEYOND_LIMIT = 1.0

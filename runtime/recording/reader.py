@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from runtime.common.files import replacing
 from runtime.errors import RecordingError
-from runtime.recording import datasets
+from runtime.recording import log_files
 from runtime.recording.consistency import check_consistency
 from runtime.recording.formats import FORMATS, format_of_folder
 from runtime.recording.formats.tables import LogTable
@@ -72,7 +72,7 @@ def read_further(
         return read_recording(path, recipe, run, joints)
     parts = remembered.signals().values()
     is_named = all(isinstance(column, str) for part in parts for column in part.columns)
-    described = str(path) in datasets.known_names() or (Path(path) / "recipe.toml").is_file()
+    described = str(path) in log_files.known_names() or (Path(path) / "recipe.toml").is_file()
     ways = (None, remembered) if described or not is_named else (remembered, None)
     for way in ways:
         with suppress(RecordingError):
@@ -202,11 +202,11 @@ def locate(path: str | Path) -> Path:
         raise RecordingError(
             f"'{path}' is a pipe or a device, expected a file or a folder; write the log to a file"
         )
-    if str(path) in datasets.known_names():
-        return datasets.locate(str(path))
+    if str(path) in log_files.known_names():
+        return log_files.locate(str(path))
     raise RecordingError(
         f"there is no file or folder {str(path)!r}; give a path, "
-        f"or one of the known data sets {', '.join(datasets.known_names())}"
+        f"or one of the known data sets {', '.join(log_files.known_names())}"
     )
 
 

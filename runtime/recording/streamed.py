@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from runtime.errors import RecordingError
 from runtime.recording.current_gains import CurrentGains
 from runtime.recording.formats import format_of_folder, format_of_suffix
-from runtime.recording.formats.digests import Digests
-from runtime.recording.formats.log_format import LogRows
+from runtime.recording.formats.log_format import Digests, LogRows
 from runtime.recording.formats.tables import LogTable
 from runtime.recording.log_files import LogFiles, parts_of
 from runtime.recording.reader import place_and_recipe, read_recording

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from runtime.common.files import replacing
+from runtime.common.files import write_text
 from runtime.errors import IdentificationError, SimulationError
 from runtime.excitation import Trajectory
 from runtime.excitation.motion.trajectory import sample_times
@@ -187,8 +187,7 @@ def write_controller(
     }
     lines += [f"{key} = {np.asarray(value, dtype=float).tolist()}" for key, value in values.items()]
     lines += ["", "[reference]", f'trajectory = "{reference}"', f"start = {start}"]
-    with replacing(path) as file:
-        file.write(("\n".join(lines) + "\n").encode())
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def _friction(plant: Plant, dq: Array) -> Array:

@@ -9,13 +9,12 @@ import re
 import shutil
 import subprocess
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from bench.front import BenchError, Sheet
+from bench.front import BenchError, Sheet, sheet_of
 from runtime.library import Library
 from symgen.make.pipeline import write_controller
 from symgen.make.request import bundled_request
@@ -64,38 +63,30 @@ int main(void)
 """
 
 
-@dataclass(frozen=True, slots=True)
-class Cost:
-    """One kernel on one core; text without <math.h>."""
-
-    kernel: str
-    precision: str
-    core: str
-    text: int  # bytes
-    stack: int  # bytes, without <math.h>
-    instructions: int
-
-
-def measure(lib: Library) -> list[Cost]:
-    """Every kernel in both precisions on both cores."""
+def measure(lib: Library) -> Sheet:
+    """Every kernel in both precisions on both cores: bytes without <math.h>, and instructions."""
     for tool in ("arm-none-eabi-gcc", "qemu-system-arm"):
         if shutil.which(tool) is None:
             raise BenchError(
                 f"expected {tool}, got none; on Debian: apt-get install gcc-arm-none-eabi "
                 "libnewlib-arm-none-eabi qemu-system-arm"
             )
-    costs = []
+    rows = []
     with tempfile.TemporaryDirectory() as place:
         for kernel in KERNELS:
             for precision in BOUND:
                 root = Path(place) / kernel / precision
                 request = bundled_request(lib.name)
                 folder = write_controller(request, root, [kernel], precision, False)
-                costs += [_cost(lib, folder, kernel, precision, core) for core in CORES]
-    return costs
+                costs = [_cost(lib, folder, kernel, precision, core) for core in CORES]
+                rows.append((kernel, precision, *(value for cost in costs for value in cost)))
+    parts = [f"{core}: {what}" for core in CORES for what in ("text", "stack", "instructions")]
+    columns = {"kernel": "", "precision": ""} | dict.fromkeys(parts, ",")
+    return sheet_of("check_mcu", columns, rows, title="Kernels on microcontrollers")
 
 
-def _cost(lib: Library, folder: Path, kernel: str, precision: str, core: str) -> Cost:
+def _cost(lib: Library, folder: Path, kernel: str, precision: str, core: str) -> tuple[int, ...]:
+    """Text and stack in bytes, and instructions."""
     board, target = CORES[core]
     inputs = _inputs(lib, kernel)
     _run(folder, "arm-none-eabi-gcc", *target, *FLAGS, "-fstack-usage", "-c", f"{lib.name}.c")
@@ -118,7 +109,7 @@ def _cost(lib: Library, folder: Path, kernel: str, precision: str, core: str) ->
     if not error <= BOUND[precision]:
         raise BenchError(f"{kernel} on {core} differs from the library by {error:.1e}")
     stack = outer + max(frames.values(), default=0)
-    return Cost(kernel, precision, core, int(sizes[0]), stack, round(ticks * TICK / CALLS))
+    return int(sizes[0]), stack, round(ticks * TICK / CALLS)
 
 
 def _inputs(lib: Library, kernel: str) -> dict[str, Any]:
@@ -161,14 +152,3 @@ def _run(folder: Path, *command: str) -> str:
         problem = re.sub(r"\s+", " ", done.stderr or done.stdout)[-700:]
         raise BenchError(f"{command[0]} refused: {problem}")
     return done.stdout
-
-
-def sheet(costs: list[Cost]) -> Sheet:
-    """One line per kernel and precision."""
-    head = ["kernel", "precision"]
-    head += [f"{core}: {what}" for core in CORES for what in ("text", "stack", "instructions")]
-    lines = {}
-    for cost in costs:
-        line = lines.setdefault((cost.kernel, cost.precision), [cost.kernel, cost.precision])
-        line += [f"{cost.text:,}", f"{cost.stack:,}", f"{cost.instructions:,}"]
-    return Sheet("check_mcu", head, list(lines.values()), costs, "Kernels on microcontrollers")

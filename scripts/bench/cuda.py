@@ -7,12 +7,11 @@ instruction each. Sines count as one operation, so that no kernel with sines rea
 
 import ctypes
 import time
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from bench.front import Sheet
+from bench.front import Sheet, sheet_of
 from runtime.errors import LibraryError
 from runtime.library import Library
 from runtime.library.cuda import TYPES, Gpu, device_code
@@ -30,19 +29,14 @@ BOUND = {"float": 1e-5, "double": 1e-11}
 LAUNCHES = 20
 
 
-@dataclass(frozen=True, slots=True)
-class Rate:
-    """One kernel in one precision; rates per second, of losses per vector and sample."""
-
-    kernel: str
-    precision: str
-    registers: int
-    spilled: int  # bytes
-    roofline: float
-    measured: float | None = None
+COLUMNS = {
+    **{"kernel": "", "precision": "", "registers": "", "spilled, bytes": ""},
+    **{"roofline, 1/s": ".1e", "measured, 1/s": ""},
+}
+"""Rates per second, of losses per vector and sample."""
 
 
-def measure(lib: Library, samples: int, sets: int, rows: int) -> list[Rate]:
+def measure(lib: Library, samples: int, sets: int, rows: int) -> Sheet:
     """Every kernel in both precisions, measured where there is a GPU."""
     try:
         device: _Device | None = _Device(Gpu(lib.folder))
@@ -51,17 +45,17 @@ def measure(lib: Library, samples: int, sets: int, rows: int) -> list[Rate]:
     architecture = device.gpu.architecture if device else "sm_90"
     found = []
     for kernel in KERNELS:
-        for dtype in TYPES:
+        for dtype, precision in (("float", "single"), ("double", "double")):
             code = device_code(lib.folder, [kernel], dtype, architecture)
-            roofline = _roofline(lib, kernel, dtype, rows)
-            use = code.registers[kernel], code.spilled[kernel]
-            rate = Rate(kernel, dtype, *use, roofline)
+            roofline, measured = _roofline(lib, kernel, dtype, rows), None
             if device and kernel == "losses":
-                rate = replace(rate, measured=_losses(device, lib, dtype, sets, rows))
+                measured = _losses(device, lib, dtype, sets, rows)
             elif device and kernel != "weighted_rows":
-                rate = replace(rate, measured=_samples(device, lib, kernel, dtype, samples))
-            found.append(rate)
-    return found
+                measured = _samples(device, lib, kernel, dtype, samples)
+            shown = f"{measured:.1e} ({measured / roofline:.0%})" if measured else "not measured"
+            use = code.registers[kernel], code.spilled[kernel]
+            found.append((kernel, precision, *use, roofline, shown))
+    return sheet_of("bench_cuda", COLUMNS, found, title="Kernels of the CUDA header on an H200")
 
 
 def _facts(lib: Library, kernel: str) -> KernelFacts:
@@ -183,22 +177,3 @@ class _Device:
             launch()
         self._do("cuCtxSynchronize")
         return (time.perf_counter() - start) / LAUNCHES
-
-
-def sheet(rows: list[Rate]) -> Sheet:
-    """One line per kernel and precision."""
-    head = ("kernel", "precision", "registers", "spilled, bytes", "roofline, 1/s", "measured, 1/s")
-    lines = [
-        (
-            r.kernel,
-            {"float": "single", "double": "double"}[r.precision],
-            str(r.registers),
-            str(r.spilled),
-            f"{r.roofline:.1e}",
-            "not measured"
-            if r.measured is None
-            else f"{r.measured:.1e} ({r.measured / r.roofline:.0%})",
-        )
-        for r in rows
-    ]
-    return Sheet("bench_cuda", head, lines, rows, "Kernels of the CUDA header on an H200")

@@ -80,14 +80,12 @@ def setting(lib: Library) -> Setting:
     return Setting(lib, trajectory, train, thesis_weights(train.tau), trials)
 
 
-def repeated(
-    work: Callable[[], object], units: int = 1, least: float = LEAST
-) -> Callable[[], float]:
-    """Seconds of one of `units` in `work`, called as often as fills `least` seconds."""
+def repeated(work: Callable[[], object], units: int = 1) -> Callable[[], float]:
+    """Seconds of one of `units` in `work`, called as often as fills `LEAST` seconds."""
     work()  # warms up
     start = time.perf_counter()
     work()
-    calls = max(1, round(least / (time.perf_counter() - start)))
+    calls = max(1, round(LEAST / (time.perf_counter() - start)))
 
     def once() -> float:
         begin = time.perf_counter()
@@ -115,18 +113,18 @@ def _slope(run: Callable[[int], object], short: int, long: int) -> Callable[[], 
 # --- ours -----------------------------------------------------------------------------------
 
 
-def statistics(s: Setting, least: float = LEAST) -> Callable[[], float]:
+def statistics(s: Setting) -> Callable[[], float]:
     """`statistics.compress`, per sample, of torque with the noise of a sensor.
 
     Exact torque leaves no residual, so that its rows are eliminated: `statistics_of_exact`.
     """
     noisy = _noisy(s)
-    return repeated(lambda: compress(s.lib, noisy, s.weights), len(noisy), least)
+    return repeated(lambda: compress(s.lib, noisy, s.weights), len(noisy))
 
 
-def statistics_of_exact(s: Setting, least: float = LEAST) -> Callable[[], float]:
+def statistics_of_exact(s: Setting) -> Callable[[], float]:
     """`statistics.compress`, per sample, of rows that are eliminated."""
-    return repeated(lambda: compress(s.lib, s.train, s.weights), len(s.train), least)
+    return repeated(lambda: compress(s.lib, s.train, s.weights), len(s.train))
 
 
 def adam_full(s: Setting) -> Callable[[], float]:

@@ -16,9 +16,9 @@ from bench.compiled import processor
 from bench.front import BenchError, Sheet, sheet_of
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.safety import Safety
+from runtime.excitation.search.criteria import unseen_joints
 from runtime.excitation.search.design import Design, design
 from runtime.excitation.search.information import FRICTION, information
-from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.identification.expected_accuracy.expected import (
     Knowledge,
     expected,

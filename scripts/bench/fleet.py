@@ -5,7 +5,7 @@ those of a type, which is 20 % off the URDF. The test is a third motion of the s
 """
 
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -15,16 +15,10 @@ from bench.front import SHORT, cpu_seconds, python
 from bench.trials import trajectories
 from runtime import Identification, Recording, choose_default_friction
 from runtime.estimators.prior_file import PriorFile, read_prior
-from runtime.estimators.regression.factor import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
 from runtime.identification.single_log import identify_recording
-from runtime.identification.statistics_file import (
-    FILE,
-    UnitStatistics,
-    statistics_of,
-    write_statistics,
-)
+from runtime.identification.statistics_file import FILE, statistics_of, write_statistics
 from runtime.library import Array, Library
 from runtime.monitoring.fleet.fleet_prior import (
     FleetFit,
@@ -162,36 +156,20 @@ FRICTION = (0.5, 0.3)
 
 def fleet_seconds(lib: Library, design: Trajectory, count: int) -> tuple[float, float]:
     """CPU and wall time of the command."""
-    motion = ideal(lib, design, Plant(lib.pi0), rate_hz=25.0)
-    samples = samples_of(prepare(motion, None, PLAIN, lib=lib), lib)
-    whole = compress(lib, samples, np.full(lib.n_joints, NOISE**-2))
+    log = ideal(lib, design, Plant(lib.pi0, torque_noise=NOISE))
+    usual = statistics_of(identified(lib, log, PLAIN, None), "unit")
     rng = np.random.default_rng(0)
     centre = perturbed(lib, lib.pi0, 4 * SPREAD, rng)
-    phi = np.tile(FRICTION, lib.n_joints)
-    widths = (PLAIN.coulomb_speed, PLAIN.stribeck_speed, PLAIN.dahl_stroke)
     with TemporaryDirectory() as name:
         folder = Path(name)
         for k in range(count):
-            pi = perturbed(lib, centre, SPREAD, rng)
-            x = np.concatenate([lib.base_matrix @ pi, phi])
-            drawn = replace(
-                whole,
-                target=whole.factor @ x + rng.normal(size=x.size),
-                rest=float(lib.n_joints * len(samples)),
-            )
+            beta = lib.base_matrix @ perturbed(lib, centre, SPREAD, rng)
+            x = np.concatenate([beta, np.tile(FRICTION, lib.n_joints)])
             unit = folder / "units" / f"u{k:04d}"
             unit.mkdir(parents=True)
-            known = UnitStatistics(
-                **asdict(drawn),
-                density=1.0,
-                unit=unit.name,
-                robot=lib.name,
-                joints=lib.joint_names,
-                columns=PLAIN.columns,
-                widths=widths,
-            )
-            write_statistics(known, unit / FILE)
-        words = ["fleet", "units", "--robot", str(lib.folder.resolve()), "--out", "toml"]
+            target = usual.factor @ x + rng.normal(size=len(usual.target))
+            write_statistics(usual.replace(target=target, unit=unit.name), unit / FILE)
+        words = ["fleet", "units", "--robot", str(lib.folder.resolve()), "--out", "fleet.toml"]
         start, before = time.perf_counter(), cpu_seconds()
         python("-m", "runtime", *words, folder=folder).check_returncode()
         return cpu_seconds() - before, time.perf_counter() - start

@@ -29,8 +29,8 @@ from symgen.chain.document import first_element
 from symgen.chain.mechanism import Mechanism
 from symgen.chain.model import ROUNDING
 from symgen.errors import SymgenError
+from symgen.mechanics.dynamics import mass_matrix
 from symgen.mechanics.inertia import pi_from_com
-from symgen.mechanics.mass_matrix import mass_matrix
 from symgen.ros.packages import Packages
 from symgen.sources import Source, read_source, urdf_text
 

@@ -13,14 +13,11 @@ from typing import Any
 import numpy as np
 
 from bench import doors
-from bench.batch import make_batch
-from bench.compiled import burst, interleave, limits, processor, ratio
+from bench.compiled import interleave, processor, ratio
 from bench.doors import Door
-from bench.front import BenchError, Sheet, ratio_text
-from bench.ours import Ours
+from bench.front import Sheet, ratio_text
 from runtime.common.threads import one_blas_thread
 from runtime.library import Library
-from symgen.emit.programs import eliminate
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +65,7 @@ def measure(lib: Library, rounds: int, trials: bool, report: Callable[[str], Non
             rows.append(_measured(entry, setting, rounds))
         else:
             skipped[entry.label] = why
-    passes, samples = passes_of(setting, rounds), len(setting.train)
+    samples = len(setting.train)
     title = f"{lib.name}: identification and excitation, {lib.level}, {processor()}"
     caption = (
         f"Through the functions of runtime, one thread; {samples} training samples; the "
@@ -86,9 +83,9 @@ def measure(lib: Library, rounds: int, trials: bool, report: Callable[[str], Non
         for row in rows
     ]
     head = ("work", "time", "NumPy", "NumPy / ours", "document", "document / ours")
-    notes = [*(f"skipped: {label}: {why}." for label, why in skipped.items()), sentence(passes)]
+    notes = [f"skipped: {label}: {why}." for label, why in skipped.items()]
     facts = {"robot": lib.name, "level": lib.level, "processor": processor(), "rounds": rounds}
-    facts |= {"samples": samples, "rows": rows, "skipped": skipped, "passes": passes}
+    facts |= {"samples": samples, "rows": rows, "skipped": skipped}
     return Sheet("bench_identify", head, lines, facts, title, caption, notes)
 
 
@@ -129,70 +126,3 @@ def _time(seconds: float | None) -> str:
         if seconds >= scale:
             return f"{seconds / scale:.3g} {unit}" if seconds < 1e3 else f"{seconds:.0f} s"
     return f"{seconds * 1e9:.3g} ns"
-
-
-TILES = 512  # samples whose Y_b stays in the second cache
-SHORT = 2e-3
-"""Seconds of a measurement: as short as that of the limit, which other work disturbs less."""
-
-
-def passes_of(setting: doors.Setting, rounds: int) -> dict[str, float]:
-    """The pass over the rows [Y_b τ] beside the limit of multiply-adds of a core, in s per sample.
-
-    A Cholesky pass multiplies the rows: RᵀR = AᵀA, the upper half. Householder reflections of the
-    same rows take 1.94 times as many multiply-adds on an FR3.
-    """
-    lib = setting.lib
-    products, elimination = multiply_adds(lib)
-    tiles = Ours(lib, ("base_regressor",)).contender(
-        "base_regressor", lib.level, "tiles", make_batch(lib, TILES)
-    )
-    if tiles is None:
-        raise BenchError(f"the level '{lib.level}' of '{lib.name}' has no Y_b on tiles")
-    contenders: dict[str, Callable[[], float]] = {
-        "limit": limits((lib.level,))[lib.level],
-        "rows": burst(tiles.run, TILES),
-        "statistics": doors.statistics(setting, SHORT),
-        "eliminated": doors.statistics_of_exact(setting, SHORT),
-    }
-    times = {name: np.asarray(values) for name, values in interleave(contenders, rounds).items()}
-    limit, rows = 2e-9 * products * times["limit"], 1e-9 * times["rows"]
-
-    def share(name: str) -> float:
-        return float(np.median(limit / (times[name] - rows)))
-
-    return {
-        "products": products,
-        "elimination": elimination,
-        "limit": float(np.median(limit)),
-        "rows": float(np.median(rows)),
-        "share": share("statistics"),
-        "share_eliminated": share("eliminated"),
-        "share_of_all": float(np.median(limit / times["statistics"])),
-    }
-
-
-def sentence(passes: dict[str, float]) -> str:
-    """One line for the end of a table."""
-    return (
-        "Statistics: a Cholesky pass over the rows takes {products} multiply-adds "
-        "({limit:.0f} ns at the limit), an elimination {elimination}; without Y_b ({rows:.0f} ns) "
-        "the statistics reach {share:.2f} of the limit of the former, {share_eliminated:.2f} where "
-        "all rows are eliminated, and with Y_b {share_of_all:.2f}."
-    ).format_map(passes | {key: 1e9 * passes[key] for key in ("limit", "rows")})
-
-
-def multiply_adds(lib: Library) -> tuple[int, int]:
-    """Multiply-adds per sample, counted from the entries of Y_b that are not zero by structure."""
-    rng = np.random.default_rng(0)
-    q, dq, ddq = rng.normal(size=(3, 16, lib.n_joints))
-    filled = np.abs(lib.base_regressor(q, dq, ddq)).max(axis=0) > 0
-    pattern = [[*map(bool, row), True] for row in filled]
-    sizes = np.sum(pattern, axis=1)
-    # A column takes its length, and two passes over each column to its right.
-    elimination = sum(
-        len(panel.rows) * (1 + 2 * (panel.width - 1 - i + len(panel.columns)))
-        for panel in eliminate(pattern, len(pattern[0]) - 1)
-        for i in range(panel.width)
-    )
-    return int(np.sum(sizes * (sizes + 1) // 2)), elimination

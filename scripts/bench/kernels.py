@@ -6,11 +6,9 @@ from typing import Any
 import numpy as np
 
 from bench import peers
-from bench.batch import Batch, Symbolic, make_batch, symbolic
 from bench.compiled import burst, interleave, limits, processor, ratio
 from bench.front import BenchError, Sheet, ratio_text
-from bench.ours import LANES, LAYOUTS, Contender, Ours
-from bench.pinocchio_cpp import pinocchio_cpp
+from bench.ours import LANES, LAYOUTS, Batch, Contender, Ours, Symbolic, make_batch, symbolic
 from runtime.library import Array, Library
 
 LABELS = {
@@ -111,7 +109,7 @@ def _rivals(
 ) -> tuple[dict[str, peers.Peer], dict[str, str]]:
     """Peers that run on this machine, and the reason for each one that does not."""
     makers: dict[str, Callable[[], peers.Peer]] = {
-        "Pinocchio C++": lambda: pinocchio_cpp(lib, batch),
+        "Pinocchio C++": lambda: peers.pinocchio_cpp(lib, batch),
         "Pinocchio Python": lambda: peers.pinocchio_python(lib, batch),
         "MuJoCo Python": lambda: peers.mujoco_python(lib, batch),
         "CasADi VM": lambda: peers.casadi_vm(

@@ -22,8 +22,8 @@ from runtime.excitation.limits.limit_rows import Limits, inside
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.limits.torque_limits import Torque
 from runtime.excitation.motion.trajectory import basis_of
+from runtime.excitation.proof.bounds import constraint_bounds
 from runtime.excitation.proof.certificate import Certificate, certificate_of
-from runtime.excitation.proof.nonlinear_bounds import constraint_bounds
 from runtime.library import Array, Library
 from symgen.chain import read_chain
 from symgen.collision.model import BASE, CollisionModel, Pair, Proxy

@@ -4,11 +4,9 @@ The facts are those of the publications, of the files that come with the logs, o
 themselves; a warning without a fact is counted as false. Models come by the commands of a user.
 """
 
-import json
 import shutil
 import sysconfig
 import tempfile
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from bench.front import ROOT, Sheet, python, sheet_of
+from runtime.common.files import toml_of
 from runtime.inspection import INFO, Finding, inspect_log
 from runtime.library import Array, Library, load
 from symgen.chain import ChainOptions
@@ -24,13 +23,7 @@ from symgen.chain.dh import robot_from_rows
 from symgen.make.pipeline import build
 from symgen.make.request import BuildRequest
 from tests.robots import CASES, MORE, ONE_LEVEL
-from tests.runtime.inspection.published_logs import (
-    KNOWN_GEARS,
-    KNOWN_RATE,
-    KNOWN_UNIT,
-    KNOWN_ZEROS,
-    in_band,
-)
+from tests.runtime.inspection import published_logs
 
 EXAMPLES = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
 RAW = {".txt", ".csv", ".npz"}
@@ -217,7 +210,7 @@ def _request(robot: str, shared: Path) -> BuildRequest:
         urdf = (shared / "data/tiago/tiago_48_schunk.urdf").read_text(encoding="utf-8")
         options = ChainOptions(base="torso_fixed_link", locks=dict.fromkeys(TIAGO, 0.0))
         return BuildRequest(robot, urdf, options, project=True)
-    table = tomllib.loads((ROOT / f"scripts/dvrk/{robot}.toml").read_text(encoding="utf-8"))
+    table = toml_of(ROOT / f"scripts/dvrk/{robot}.toml")
     text, mechanism = robot_from_rows(table, robot)
     return BuildRequest(robot, text, ChainOptions(masses={}, mechanism=mechanism))
 
@@ -231,81 +224,38 @@ def sheet(rows: list[Row]) -> Sheet:
     return Sheet("real_logs", head, lines, rows, notes=unfounded)
 
 
-ALONE = ("--settings", "refit=false")
-"""Parameters of the training part: the rows of the test would flatter the error in another band."""
-
-_PUBLISHED = ("error in the published band", "published")
-RAW_COLUMNS = dict.fromkeys(("log", "tested on", "proposed band", "error in it", *_PUBLISHED), "")
+RAW_COLUMNS = (
+    *("log", "tested on", "proposed band", "error in it", "error in the published band"),
+    "published",
+)
 """Errors in percent of the torque; "log" states what was added by hand."""
 
 
 def raw_study(shared: Path, root: Path, builds: Path) -> Sheet:
     """Run the commands on the three logs."""
-    rows = [each(shared, root, builds) for each in (_panda, _tx40, _lwr4)]
-    return sheet_of("raw_files", RAW_COLUMNS, rows)
 
+    def known(robot: str, name: str) -> tuple[Library, Path]:
+        return library_of(robot, shared, builds), bare(shared / "data" / name, root / robot)
 
-def _panda(shared: Path, root: Path, builds: Path) -> tuple:
-    lib, raw = library_of("fr3", shared, builds), bare(shared / "data/panda_gaz", root / "panda")
-    recipe = root / "panda.toml"
-    _run("inspect", raw, "--robot", lib.folder, "--recipe-out", recipe)
-    errors, wide = [], []
-    for name, words in (("panda-default", ()), ("panda-auto", ("--friction", "auto"))):
-        out = root / name
-        _run(
-            "identify", raw, "--robot", lib.folder, "--recipe", recipe, *words, *ALONE, "--out", out
-        )
-        errors.append(_overall(out))
-        wide.append(in_band(out, raw, recipe, lib, 10.0, (12.6, 20.9)))
-    return (
-        "Panda, `panda_gaz`",
-        "last 40 %",
-        _band(recipe),
-        f"{errors[0]:.2f} %, with `--friction auto` {errors[1]:.2f} %",
-        f"10 Hz: {wide[0]:.2f} %, with `--friction auto` {wide[1]:.2f} %",
-        "1.32 %",
-    )
+    def band(recipe: str) -> str:
+        return f"{toml_of(root / recipe)['preparation']['cutoff_hz']:g} Hz"
 
-
-def _tx40(shared: Path, root: Path, builds: Path) -> tuple:
-    lib, raw = library_of("tx40", shared, builds), bare(shared / "data/tx40_figaroh", root / "tx40")
-    first, known, recipe = (root / f"tx40-{name}.toml" for name in ("first", "known", "last"))
-    _run("inspect", raw, "--robot", lib.folder, "--recipe-out", first)
-    text = first.read_text(encoding="utf-8").replace("# rate_hz =", KNOWN_RATE).replace(*KNOWN_UNIT)
-    text = text.replace("\n[position]\n", f"\n[position]\n{KNOWN_ZEROS}\n")
-    text = text[: text.index("# [gear]")] + KNOWN_GEARS
-    known.write_text(text, encoding="utf-8")
-    _run("inspect", raw, "--robot", lib.folder, "--recipe", known, "--recipe-out", recipe)
-    out, robot = root / "tx40-result", ("--robot", lib.folder)
-    split = ("--split", "0.582,0.5952")
-    _run("identify", raw, *robot, "--recipe", recipe, "--out", out, *split, *ALONE)
-    wide = in_band(out, raw, recipe, lib, 20.0, (4.6, 7.4))
-    return (
-        "TX40, `tx40_figaroh`, with gear matrix, zero offsets, torque unit and rate from its maker",
-        "4.6–7.4 s",
-        _band(recipe),
-        f"{_overall(out):.1f} %",
-        f"20 Hz: {wide:.1f} %",
-        "7.3 %",
-    )
-
-
-def _lwr4(shared: Path, root: Path, builds: Path) -> tuple:
-    lib = library_of("kuka_lwr4", shared, builds)
-    raw, recipe = bare(shared / "data/lwr4_flobaroid", root / "lwr4"), root / "lwr4.toml"
-    out, robot = root / "lwr4-result", ("--robot", lib.folder)
-    _run("inspect", raw, *robot, "--recipe-out", recipe)
-    _run("identify", raw, *robot, "--recipe", recipe, "--run", "1,2,3", "--out", out)
-    left_out = _facts(out)["sessions"]["leave_one_out"][2]
-    after, before = left_out["after_overall"], left_out["before_overall"]
-    return (
-        "LWR 4+, `lwr4_flobaroid`",
-        "run 3, trained on runs 1 and 2",
-        _band(recipe),
-        f"{after:.1f} % (URDF {before:.1f} %)",
-        "",
-        "8.8 %",
-    )
+    panda = known("fr3", "panda_gaz")
+    usual, chosen = (published_logs.panda(_run, *panda, root, *words) for words in
+                     ((), ("--friction", "auto")))  # fmt: skip
+    own, wide = (f"{one:.2f} %, with `--friction auto` {auto:.2f} %" for one, auto in
+                 zip(usual, chosen, strict=True))  # fmt: skip
+    tx40 = published_logs.tx40(_run, *known("tx40", "tx40_figaroh"), root)
+    lwr4, urdf = published_logs.lwr4(_run, *known("kuka_lwr4", "lwr4_flobaroid"), root)
+    by_maker = "with gear matrix, zero offsets, torque unit and rate from its maker"
+    rows = [
+        ("Panda, `panda_gaz`", "last 40 %", band("panda.toml"), own, f"10 Hz: {wide}", "1.32 %"),
+        (f"TX40, `tx40_figaroh`, {by_maker}", "4.6–7.4 s", band("tx40-last.toml"),
+         f"{tx40[0]:.1f} %", f"20 Hz: {tx40[1]:.1f} %", "7.3 %"),
+        ("LWR 4+, `lwr4_flobaroid`", "run 3, trained on runs 1 and 2", band("lwr4.toml"),
+         f"{lwr4:.1f} % (URDF {urdf:.1f} %)", "", "8.8 %"),
+    ]  # fmt: skip
+    return sheet_of("raw_files", dict.fromkeys(RAW_COLUMNS, ""), rows)
 
 
 def _run(*words: object) -> None:
@@ -313,17 +263,3 @@ def _run(*words: object) -> None:
     done = python("-m", "runtime", *words)
     if done.returncode > 1:
         raise RuntimeError(f"{' '.join(done.args)} failed: {done.stderr}")
-
-
-def _facts(folder: Path) -> dict:
-    return dict(json.loads((folder / "result.json").read_text(encoding="utf-8")))
-
-
-def _overall(folder: Path) -> float:
-    return float(_facts(folder)["torque_error_percent"]["after_overall"])
-
-
-def _band(recipe: Path) -> str:
-    """Cut-off of a recipe."""
-    facts = tomllib.loads(recipe.read_text(encoding="utf-8"))
-    return f"{facts['preparation']['cutoff_hz']:g} Hz"

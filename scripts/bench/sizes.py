@@ -1,16 +1,13 @@
 """Cost of builds of artificial robots of any number of joints, serial or branching."""
 
 import json
-import os
-import tempfile
 import time
 from dataclasses import replace
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 
-from bench.front import Sheet, cpu_seconds, python, sheet_of
+from bench.front import Sheet, python, sheet_of
 from runtime.library import load
 
 COUNTS = {7: (), 15: (1, 2, 7), 29: (1, 4, 7), 60: (4, 8, 7)}
@@ -27,10 +24,9 @@ cpu = sum(part.ru_utime + part.ru_stime for part in parts)
 print(json.dumps([cpu, max(part.ru_maxrss for part in parts) / 1024]))
 """
 
-_COSTS = {"build, CPU s": ".1f", "MB": ".0f", "τ alone, CPU s": ".2f", "τ, ns per sample": ".0f"}
+_COSTS = {"build, CPU s": ".1f", "MB": ".0f", "τ, ns per sample": ".0f"}
 COLUMNS = {"joints": "", **_COSTS, "kernels omitted": ""}
-"""CPU time of the whole build for all levels, its largest process, the kernel of τ alone for one
-level, and τ of one sample in a batch on one core."""
+"""Build for all levels and its largest process; τ of a sample in a batch on one core."""
 
 
 def sizes(counts: tuple[int, ...], serial: tuple[int, ...], folder: Path) -> Sheet:
@@ -40,7 +36,7 @@ def sizes(counts: tuple[int, ...], serial: tuple[int, ...], folder: Path) -> She
     whole = sheet_of("bench_sizes", COLUMNS, rows, title="build cost")
     if len(rows) < 2:
         return whole
-    joints, costs = np.log([*counts, *serial]), np.log([row[1:5] for row in rows])
+    joints, costs = np.log([*counts, *serial]), np.log([row[1:4] for row in rows])
     slopes = (f"{slope:.2f}" for slope in np.polyfit(joints, costs, 1)[0])
     return replace(whole, lines=[*whole.lines, ["exponent", *slopes, ""]])
 
@@ -63,47 +59,7 @@ def _size(joints: int, shape: tuple[int, ...], folder: Path) -> tuple:
     omitted = len(lib.manifest.omitted)
     torque_ns = 1e9 * min(times) / SAMPLES
     label = f"{joints}{'' if shape else ' serial'}"
-    return label, cpu, memory, _torque_cpu(urdf), torque_ns, omitted
-
-
-def _torque_cpu(urdf: str) -> float:
-    """CPU time of the kernel of τ alone: expressions, C text, compilation for one level."""
-    from symgen import __version__
-    from symgen.catalogue.motion import state_unit
-    from symgen.chain import read_chain
-    from symgen.emit.files import emit
-    from symgen.kernel import Argument, make_kernel
-    from symgen.make.compiler import PORTABLE, compile_library
-    from symgen.mechanics.base_parameters import regrouped
-    from symgen.mechanics.dynamics import inverse_dynamics
-
-    os.environ["CCACHE_DISABLE"] = "1"
-    start = cpu_seconds()
-    chain = read_chain(urdf)
-    n = chain.freedom
-    inputs = [Argument(key, (n,), state_unit(chain, k)) for k, key in enumerate(("q", "dq", "ddq"))]
-    inputs.append(Argument("pi", (10 * len(chain.joints),), "SI", shared=True))
-    symbols = [argument.symbol() for argument in inputs]
-    tau = inverse_dynamics(chain, *symbols[:3], regrouped(chain, symbols[3]))
-    kernel = make_kernel(
-        "inverse_dynamics",
-        dict(zip(inputs, symbols, strict=True)),
-        {Argument("tau", (n,), "N*m"): tau},
-        "tau",
-    )
-    facts = {
-        "base_parameters": {"columns": []}, "gravity": [], "base": "base", "tip": "", "joints": [],
-        "pi_names": [], "lam_names": [], "pi0": [], "home": [], "tip_speed": None,
-        "torque_rate": None, "braking": None, "proxy": [], "pair": [], "moving_proxies": [],
-    }  # fmt: skip
-    versions = {"symgen": __version__, "casadi": version("casadi")}
-    files = emit("size", (kernel,), facts, versions).files
-    with tempfile.TemporaryDirectory() as scratch:
-        for file, text in files.items():
-            (Path(scratch) / file).write_text(text, encoding="utf-8")
-        once, per_level = [Path(scratch) / "kernels.c"], [Path(scratch) / "tiles.c"]
-        compile_library(once, Path(scratch) / "libsize.so", per_level, wanted=list(PORTABLE))
-    return cpu_seconds() - start
+    return label, cpu, memory, torque_ns, omitted
 
 
 _AXES = ("1 0 0", "0 1 0", "0 0 1")

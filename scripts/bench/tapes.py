@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 import runtime
+from bench.compiled import interleave, ratio
 from bench.front import BenchError, Sheet, ratio_text
 from bench.peers import pinocchio_in_order
 from runtime.library import Library
@@ -54,14 +55,8 @@ def measure(lib: Library, count: int, rounds: int, adam: str | None) -> list[dic
             calls = _ours(lib, name, kernel, given)
             calls |= {peer: _asked(process, name) for peer, process in peers.items()}
             calls["Pinocchio loop"] = _loop(lib, name, given)
-            for call in calls.values():
-                call()  # the first compiles
-            times = {contender: np.full(rounds, np.nan) for contender in calls}
-            for round_ in range(rounds):
-                for contender, call in calls.items():
-                    if contender in OURS or round_ % 20 == 0:  # a peer's call takes 20 of ours
-                        times[contender][round_] = call()
-            ratios = {c: float(np.nanmedian(t / times["C"])) for c, t in times.items() if c != "C"}
+            times = interleave(calls, rounds, passes=1)
+            ratios = {c: ratio(t, times["C"]) for c, t in times.items() if c != "C"}
             least = float(times["C"].min())
             found.append({"robot": lib.name, "function": name, "seconds": least, "ratios": ratios})
     return found

@@ -145,26 +145,20 @@ DRAWS = 5
 BELOW_RATE = 0.45
 
 
-@dataclass(frozen=True, slots=True)
-class Line:
-    """One log and regressor: an error in % per cut-off, None where the rate is too low for it."""
+def lines(lib: Library, designs: Path) -> Iterator[tuple[str, str, list[float | None]]]:
+    """Log, regressor and an error in % per cut-off, None where the rate is too low for it.
 
-    log: str
-    regressor: str
-    errors: tuple[float | None, ...]
-
-
-def lines(lib: Library, designs: Path) -> Iterator[Line]:
-    """Errors of base parameters, then torque errors on the last 40 % of panda_gaz."""
+    Errors of base parameters, then torque errors on the last 40 % of panda_gaz.
+    """
     hard = (("100 Hz, encoders of 256 counts", 100.0, 256), ("12.5 Hz", 12.5, None))
     for name, rate, counts in hard:
         for form in FORMS:
-            errors_of = (simulated(lib, designs, rate, counts, form, f_c) for f_c in CUTOFFS)
-            yield Line(f"{name}: base parameters", form, tuple(errors_of))
+            errors = [simulated(lib, designs, rate, counts, form, f_c) for f_c in CUTOFFS]
+            yield f"{name}: base parameters", form, errors
     log = runtime.read_recording("panda_gaz")
     for form in FORMS:
-        errors_of = (of_panda(lib, log, form, f_c) for f_c in CUTOFFS)
-        yield Line("Panda: low-passed torque", form, tuple(errors_of))
+        errors = [of_panda(lib, log, form, f_c) for f_c in CUTOFFS]
+        yield "Panda: low-passed torque", form, errors
 
 
 def simulated(

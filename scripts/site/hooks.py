@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[2]
 if str(ROOT) not in sys.path:  # mkdocs loads this file by its path
     sys.path.insert(0, str(ROOT))
 
-from scripts.site import api, commands, result_keys  # noqa: E402
+from scripts.site import pages, result_keys  # noqa: E402
 
 PICTURE, BOTH = (
     re.compile(r"(!\[.*?\]\(.*?)-light(\.\w+)\)"),
@@ -40,32 +40,7 @@ def generated_pages() -> Iterator[tuple[str, str]]:
         text = tutorial.read_text(encoding="utf-8").replace("../../docs/", "../")
         yield f"tutorials/{tutorial.name}", PICTURE.sub(BOTH, text)
     yield "changelog.md", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
-    yield "reference/commands.md", commands.markdown()
-    yield "reference/c.md", _c_api()
+    yield "reference/commands.md", pages.commands()
+    yield "reference/c.md", pages.c_api()
     yield "reference/result.schema.json", result_keys.json_schema()
-    yield api.PAGE, api.markdown()
-
-
-C_API = """# C API
-
-`symgen build` writes this folder for every robot, here for the FR3. [Use the C code](../howto/c.md)
-shows how to call it.
-
-{readme}
-
-## The header
-
-```c
-{header}
-```
-"""
-
-
-def _c_api() -> str:
-    """Text of the robot's README, headings one level deeper, then the header."""
-    folder = ROOT / "generated" / "fr3"
-    readme, header = (
-        (folder / name).read_text(encoding="utf-8") for name in ("README.md", "fr3.h")
-    )
-    body = re.sub(r"^#", "##", readme, flags=re.MULTILINE)
-    return C_API.format(readme=body, header=header.rstrip())
+    yield "reference/api.md", pages.api()

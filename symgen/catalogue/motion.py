@@ -12,7 +12,7 @@ import casadi as ca
 
 from symgen.chain import Chain
 from symgen.kernel import Argument, Kernel, make_kernel, make_rare, make_slow
-from symgen.mechanics import dynamics, kinematics, mass_matrix, passive
+from symgen.mechanics import dynamics, kinematics, passive
 from symgen.mechanics.base_parameters import Array, BaseParameters, regrouped
 from symgen.mechanics.inertia import N_PARAMETERS as P
 
@@ -108,7 +108,7 @@ def motion_kernels(
         make_kernel(
             "mass_matrix",
             {q_: q, pi_: pi},
-            {Argument("M", (n, n), "d tau / d ddq"): mass_matrix.mass_matrix(chain, q, grouped)},
+            {Argument("M", (n, n), "d tau / d ddq"): dynamics.mass_matrix(chain, q, grouped)},
             "M(q), Eq. 2.34",
         ),
         make_kernel(
@@ -121,7 +121,7 @@ def motion_kernels(
         make_kernel(
             "forward_dynamics",
             {q_: q, dq_: dq, tau_: tau, pi_: pi, rotor_: rotor},
-            {ddq_: mass_matrix.forward_dynamics(chain, q, dq, tau, grouped, rotor)},
+            {ddq_: dynamics.forward_dynamics(chain, q, dq, tau, grouped, rotor)},
             "ddq = (M + diag(J))^-1 (tau - h), J of the rotors",
         ),
         make_kernel(
@@ -271,7 +271,7 @@ def control_kernels(chain: Chain, omitted: Container[str] = ()) -> tuple[Kernel,
     bound = make_slow(
         "mobility_bound",
         {pi_: pi},
-        {Argument("S", (links, links), "d ddq / d tau"): mass_matrix.mobility_bound(chain, pi)},
+        {Argument("S", (links, links), "d ddq / d tau"): dynamics.mobility_bound(chain, pi)},
         "S = B I^-1 B', the inverse of M(q) of all joints is at most S for every q",
     )
     if "coriolis_matrix" in omitted:

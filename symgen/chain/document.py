@@ -218,16 +218,12 @@ def _elements(text: str) -> Element:
         first = _FIRST.match(text)
         if first is None or error.code != _UNBOUND:
             raise
-        declared = " ".join(f'xmlns:{p}="undeclared:{p}"' for p in _undeclared(text))
+        used = set(re.findall(r"[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_]", text))
+        missing = sorted(used - {"xml", "xmlns", *re.findall(r"xmlns:([\w.-]+)", text)})
+        declared = " ".join(f'xmlns:{prefix}="undeclared:{prefix}"' for prefix in missing)
         return fromstring(
             f"{text[: first.end(1)]} {declared}{text[first.end(1) :]}", forbid_dtd=True
         )
-
-
-def _undeclared(text: str) -> list[str]:
-    """Prefixes of elements and attributes that no xmlns declares."""
-    used = set(re.findall(r"[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_]", text))
-    return sorted(used - {"xml", "xmlns", *re.findall(r"xmlns:([\w.-]+)", text)})
 
 
 def _named(root: Element, tag: str) -> dict[str, Element]:

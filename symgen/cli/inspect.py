@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import typer
 
-from runtime.common.files import json_text, replacing, require_unused
+from runtime.common.files import json_text, require_unused, write_text
 from runtime.common.settings import Choices, argument_field, data_field, method_field, output_field
 from runtime.common.tables import Table, significant
 from runtime.common.terminal import VERBOSE, say, show
@@ -126,8 +126,7 @@ def _repair(
         return {"written": None, "moved": []}
     require_unused([out], overwrite, None)  # before the work, not after it
     text, changes, again = repaired(inspection, model)
-    with replacing(out) as file:
-        file.write(text.encode())
+    write_text(out, text)
     if not quiet:
         show(_moves(inspection, changes))
     _report(inspection, changes, report)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from runtime.common.files import replacing, require_unused
+from runtime.common.files import require_unused, write_text
 from runtime.common.settings import Choices, argument_field, data_field, method_field, output_field
 from runtime.common.tables import Table
 from runtime.common.terminal import console, say, show
@@ -86,8 +86,7 @@ def proxies_command(given: ProxiesSettings) -> None:
         )
     header = f"# Capsules around the collision geometry of {chain.name} and pairs to check; m.\n"
     text = header + toml_from_collision(CollisionModel(fitted, chosen.pairs))
-    with replacing(given.out) as file:
-        file.write(text.encode())
+    write_text(given.out, text)
     say(f"{given.out}: {len(fitted)} proxies, {len(chosen.pairs)} pairs")
 
 

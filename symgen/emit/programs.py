@@ -163,11 +163,6 @@ def _placed(line: str, output: str, columns: int) -> str:
     return f"PUT({joint}, {column}, {match[2]});"
 
 
-def _run(columns: list[int]) -> tuple[int, int]:
-    """First column and one past the last."""
-    return (columns[0], columns[-1] + 1) if columns else (0, 0)
-
-
 def _descent(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
     """Sizes for the descent methods in λ."""
     (pi,), (beta,) = kernels["base_parameters"].inputs, kernels["base_parameters"].outputs
@@ -243,7 +238,8 @@ def _excitation(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
     return {
         "joints": joints,
         "columns": columns,
-        "spans": [_run(row) for row in filled],
+        # first column and one past the last
+        "spans": [(row[0], row[-1] + 1) if row else (0, 0) for row in filled],
         "block_ends": ends,
         "block_joints": shared or [0],
         "base_turns_more": not set(program.turns) <= set(adjoint.turns),

@@ -10,13 +10,12 @@ import numpy as np
 from symgen.chain.document import first_element
 from symgen.chain.mechanism import Mechanism
 from symgen.errors import InertiaError, SymgenError, UrdfError
-from symgen.inspect import checks, comparison
+from symgen.inspect import checks
 from symgen.inspect.base import SampledBase, base_of
 from symgen.inspect.geometry import Extent, Meshes, groups_of
 from symgen.inspect.model import ERROR, Body, Finding, Link, Model
 from symgen.inspect.reading import read_mjcf, read_urdf
-from symgen.inspect.repair import Repair, repair
-from symgen.inspect.rewrite import with_bodies
+from symgen.inspect.repair import Repair, repair, with_bodies
 from symgen.ros.packages import Packages
 from symgen.sources import Source, read_source, urdf_text
 
@@ -190,7 +189,7 @@ def _findings(model: Model, extents: dict[str, Extent | None]) -> list[Finding]:
             findings += checks.consistency_errors(model, name)
     for group in groups_of(readable, extents):
         findings += checks.plausibility_warnings(model, group)
-    findings += comparison.comparison_warnings(model)
+    findings += checks.comparison_warnings(model)
     for joint in model.joints:
         if f"joint '{joint.name}'" not in unread:
             findings += checks.joint_findings(joint)

@@ -6,20 +6,89 @@ in the coordinates S = L⁻¹ P L⁻ᵀ of a body L Lᵀ like the link's. The di
 of Lee, Wensing & Park (IEEE T-RO 36(2), 2020), frozen at that body: it does not depend on units,
 origins or axes. Masses are kept, since a repair must not invent them. If no consistent bodies have
 these base parameters, ‖R K T (x − x⁰)‖, the change of torque, is minimised first.
+
+The new <inertial> blocks are put into the text of the URDF, and every other byte is kept: writing
+the document back from its tree would lose comments, white space and the order of attributes.
 """
 
 from dataclasses import dataclass
 from typing import Any
+from xml.parsers import expat
 
 import casadi as ca
 import clarabel
 import numpy as np
 from scipy import sparse
 
-from symgen.errors import InertiaError
+from symgen.errors import InertiaError, UrdfError
 from symgen.inspect.base import SampledBase, lumping, pi_of, pseudo_of
 from symgen.inspect.model import Array, Body, Model
 from symgen.mechanics import inertia
+
+_AXES = "xyz"
+
+
+def with_bodies(text: str, bodies: dict[str, Body]) -> str:
+    """Return the URDF with the <inertial> of the named links replaced."""
+    data = text.encode()
+    places = _places(data)
+    missing = [name for name in bodies if name not in places]
+    if missing:
+        raise UrdfError(f"link '{missing[0]}' has no <inertial> to replace; add one")
+    for name in sorted(bodies, key=lambda name: places[name], reverse=True):
+        start, end = places[name]
+        line = data.rfind(b"\n", 0, start) + 1
+        blank = data[line:start].decode()
+        indent = blank if not blank.strip() else ""
+        data = data[:start] + _block(bodies[name], indent).encode() + data[end:]
+    return data.decode()
+
+
+def _places(data: bytes) -> dict[str, tuple[int, int]]:
+    """Position of the first <inertial> of each link: first byte, and one past the last byte."""
+    parser = expat.ParserCreate("utf-8")  # the text is UTF-8 now, whatever its header states
+    path: list[str] = []
+    link, start = "", 0
+    places: dict[str, tuple[int, int]] = {}
+
+    def opened(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal link, start
+        path.append(tag)
+        if path == ["robot", "link"]:
+            link = attributes.get("name", "")
+        if path == ["robot", "link", "inertial"]:
+            start = parser.CurrentByteIndex
+
+    def closed(_: str) -> None:
+        if path == ["robot", "link", "inertial"] and link not in places:
+            # At an end tag the index is that of "</"; at <inertial/> it is that of the start.
+            end = data.index(b">", parser.CurrentByteIndex) + 1
+            places[link] = (start, end)
+        path.pop()
+
+    parser.StartElementHandler, parser.EndElementHandler = opened, closed
+    parser.Parse(data, True)
+    return places
+
+
+def _block(body: Body, indent: str) -> str:
+    step = "\n" + indent + "  "
+    entries = " ".join(
+        f'i{_AXES[i]}{_AXES[j]}="{_digits(body.inertia[i, j])}"'
+        for i in range(3)
+        for j in range(i, 3)
+    )
+    xyz = " ".join(_digits(x) for x in body.com)
+    return (
+        f'<inertial>{step}<origin xyz="{xyz}" rpy="0 0 0"/>'
+        f'{step}<mass value="{_digits(body.mass)}"/>'
+        f"{step}<inertia {entries}/>\n{indent}</inertial>"
+    )
+
+
+def _digits(value: float) -> str:
+    return repr(float(value) + 0.0)  # the shortest text that reads back to the same number
+
 
 FLOOR = 1e-2
 """ε: P ⪰ FLOOR · P_ref keeps at least this part of a reference body in every direction."""

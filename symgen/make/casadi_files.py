@@ -17,7 +17,7 @@ from typing import Any
 import casadi as ca
 
 from runtime.common.child import serve
-from runtime.common.files import replacing
+from runtime.common.files import write_text
 from symgen.catalogue import make_catalogue
 from symgen.chain import read_chain
 from symgen.errors import SymgenError
@@ -35,8 +35,7 @@ def write_casadi(request: BuildRequest, folder: Path) -> tuple[Path, Path]:
     paths = folder / f"{request.name}.casadi", folder / f"{request.name}_casadi.c"
     texts = (_serialised(functions), _code(functions, paths[1].name))
     for path, text in zip(paths, texts, strict=True):
-        with replacing(path) as file:
-            file.write(text.encode())
+        write_text(path, text)
     return paths
 
 

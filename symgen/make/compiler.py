@@ -95,19 +95,6 @@ class Compiled:
     sha256: str
 
 
-def compile_library(
-    sources: list[Path],
-    target: Path,
-    per_level: Sequence[Path] = (),
-    unhurried: Sequence[Path] = (),
-    wanted: Sequence[str] = (),
-) -> Compiled:
-    """Compile sources into one library."""
-    kinds = [[path.name for path in paths] for paths in (sources, per_level, unhurried)]
-    with Compilation(target.parent, how_to_compile(*kinds), wanted) as compilation:
-        return compilation.finish([name for kind in kinds for name in kind], target)
-
-
 class Compilation:
     """Compilation of the files of a folder on all cores, each as soon as it is written.
 

@@ -15,9 +15,9 @@ import numpy as np
 from msgspec import to_builtins
 
 from symgen.chain import Chain, Joint
-from symgen.chain.assumed_bodies import GIVEN, MASSLESS, MASSLESS_KG, PLACEHOLDER, PLACEHOLDER_MASS
 from symgen.chain.mechanism import Mechanism, table_from_mechanism
 from symgen.chain.model import FLOATING, Frame, Tip
+from symgen.chain.reading import GIVEN, MASSLESS, MASSLESS_KG, PLACEHOLDER, PLACEHOLDER_MASS
 from symgen.collision.distance import moving
 from symgen.collision.model import tables_from_collision
 from symgen.errors import BuildError, InertiaError

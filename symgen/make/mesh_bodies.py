@@ -17,8 +17,8 @@ import numpy as np
 from msgspec import Meta
 
 from runtime.common.records import record_from_toml
-from symgen.chain.assumed_bodies import require_bare
 from symgen.chain.document import Document, add_inertial, numbers, origin
+from symgen.chain.reading import require_bare
 from symgen.errors import BuildError, UrdfError
 from symgen.inspect.geometry import LARGEST_MESH, is_sound
 from symgen.ros.packages import Packages

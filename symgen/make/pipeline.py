@@ -22,8 +22,7 @@ from filelock import FileLock
 
 from runtime.common.files import json_of, json_text, sha256_of
 from runtime.common.user_builds import is_user_build, record_build
-from symgen.catalogue import make_catalogue
-from symgen.catalogue.omitted import LONG
+from symgen.catalogue import LONG, make_catalogue
 from symgen.chain import Chain, read_chain
 from symgen.emit.files import Early, EmittedRobot, controller_files, emit, ignored
 from symgen.errors import BuildError

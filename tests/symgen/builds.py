@@ -1,14 +1,28 @@
 """Builds of the pendulum, and its folder before and after them."""
 
 import ctypes
+from collections.abc import Sequence
 from pathlib import Path
 
 import symgen
 from runtime.library import load
-from symgen.make.compiler import compile_library
+from symgen.make.compiler import Compilation, Compiled, how_to_compile
 from symgen.make.pipeline import build
 from symgen.make.request import BuildRequest
 from tests.robots import ONE_LEVEL
+
+
+def compile_library(
+    sources: list[Path],
+    target: Path,
+    per_level: Sequence[Path] = (),
+    unhurried: Sequence[Path] = (),
+    wanted: Sequence[str] = (),
+) -> Compiled:
+    """Compile sources into one library."""
+    kinds = [[path.name for path in paths] for paths in (sources, per_level, unhurried)]
+    with Compilation(target.parent, how_to_compile(*kinds), wanted) as compilation:
+        return compilation.finish([name for kind in kinds for name in kind], target)
 
 
 def snapshot(folder: Path) -> dict[str, tuple[bytes, int]]:

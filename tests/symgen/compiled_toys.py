@@ -12,7 +12,7 @@ import pytest
 from runtime.library.binding import LEVELS
 from symgen.emit.files import emit
 from symgen.kernel import Kernel
-from symgen.make.compiler import compile_library
+from tests.symgen.builds import compile_library
 
 FACTS = {
     "gravity": [0.0, 0.0, -9.81],

@@ -18,7 +18,7 @@ from symgen.emit.sample import SHORT, c_body, reference_code
 from symgen.emit.ssa import EXPRESSIONS, c_constant
 from symgen.errors import BuildError
 from symgen.kernel import Argument, Kernel, make_kernel
-from symgen.make.compiler import compile_library
+from tests.symgen.builds import compile_library
 from tests.symgen.compiled_toys import FACTS, VERSIONS, assert_accepted, write_toy
 
 x_, y_ = Argument("x", (1,), "1"), Argument("y", (1,), "1")

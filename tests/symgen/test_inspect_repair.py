@@ -16,8 +16,7 @@ from symgen.inspect import inspection as door
 from symgen.inspect.base import lumping, pseudo_of
 from symgen.inspect.inspection import inspect_file, inspect_text, repaired
 from symgen.inspect.model import Body
-from symgen.inspect.repair import FLOOR, ROUND, THIN, Repair, repair
-from symgen.inspect.rewrite import with_bodies
+from symgen.inspect.repair import FLOOR, ROUND, THIN, Repair, repair, with_bodies
 from symgen.mechanics import inertia
 from tests.symgen.bodies import BRICK, FLAT, GOOD, POINT, arm, before_2024, block
 from tests.taylor import Array

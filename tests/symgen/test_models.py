@@ -19,9 +19,8 @@ from symgen.make import ROBOTS
 from symgen.make.facts import initial_parameters
 from symgen.make.request import BuildRequest, bundled_request
 from symgen.mechanics.base_parameters import numeric_base, regrouped
-from symgen.mechanics.dynamics import inverse_dynamics, sampled_regressor
+from symgen.mechanics.dynamics import inverse_dynamics, mass_matrix, sampled_regressor
 from symgen.mechanics.kinematics import end_effector
-from symgen.mechanics.mass_matrix import mass_matrix
 from tests.oracle import Array, pinocchio_model, random_states
 from tests.robots import MORE
 

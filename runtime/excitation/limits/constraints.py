@@ -4,7 +4,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
-from runtime.excitation.limits.carried_body import CarriedClearance, CarriedHeight, with_load
+from runtime.excitation.limits.carried_body import (
+    CarriedClearance,
+    CarriedHeight,
+    ObstacleClearance,
+    capsule_around,
+    with_load,
+)
 from runtime.excitation.limits.dependent_joints import dependent_joints
 from runtime.excitation.limits.distance_limits import (
     LinkClearance,
@@ -13,7 +19,6 @@ from runtime.excitation.limits.distance_limits import (
     TipSpeed,
 )
 from runtime.excitation.limits.nonlinear_limits import Braking, Constraint, Side, TimedConstraint
-from runtime.excitation.limits.obstacles import ObstacleClearance, capsule_around
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.limits.torque_limits import ModelBand, Torque, TorqueRate, known_torque_of
 from runtime.library import Array, Library

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.errors import ExportError, IdentificationError
-from runtime.excitation.limits.carried_body import CarriedBody
-from runtime.excitation.limits.obstacles import Obstacle
+from runtime.excitation.limits.carried_body import CarriedBody, Obstacle
 from runtime.library import Library
 
 TORQUE, BRAKING, RATE, TIP = "torque", "position-dependent velocity", "torque rate", "tip speed"

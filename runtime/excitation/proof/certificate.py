@@ -1,21 +1,31 @@
 """Bounds of a trajectory against the limits of the robot for every instant, not only at samples.
 
 Position, velocity, acceleration and jerk: `joint_bounds`, proven. Limits that are not linear in
-the motion: `constraint_bounds`, which states what is proven there.
+the motion: `constraint_bounds`, which states what is proven there. A motion with its certificate
+is passed on to plots, tables and exports; the same path at another speed, and motions scaled back
+onto the limits that they touch, are further ones.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.errors import ExportError, IdentificationError
 from runtime.excitation.limits.carried_body import EMPTY_HAND
 from runtime.excitation.limits.constraints import constraints
+from runtime.excitation.limits.dependent_joints import DependentPosition
 from runtime.excitation.limits.distance_limits import use_of
 from runtime.excitation.limits.safety import Safety, unchecked, unstated
-from runtime.excitation.motion.trajectory import Trajectory
-from runtime.excitation.proof.joint_bounds import KINDS, interval_count, joint_bounds, rooms
-from runtime.excitation.proof.nonlinear_bounds import constraint_bounds
+from runtime.excitation.motion.trajectory import JoinedMotion, Trajectory
+from runtime.excitation.proof.bounds import (
+    KINDS,
+    constraint_bounds,
+    interval_count,
+    joint_bounds,
+    rooms,
+)
 from runtime.library import Array, Library
 
 UNITS = ("rad or m", "rad/s or m/s", "rad/s² or m/s²", "rad/s³ or m/s³")
@@ -116,7 +126,10 @@ def certificate_of(
             worst = int(np.argmax(bounds[order]))  # the first NaN, where there is one
             bound, time = float(bounds[order, worst]), float(times[order, worst])
             way = trajectory.at(lib, np.array([time]))[0][0, worst] - trajectory.home[worst]
-            limit = _room(float(up[order, worst]), float(down[order, worst]), float(way))
+            room = (up if way > 0 else down)[order, worst]
+            if not np.isfinite(room):  # the side to which the joint has moved has no limit
+                room = min(up[order, worst], down[order, worst])
+            limit = float(room)
             what = lib.joint_names[worst], time, bound * limit, limit, UNITS[order]
             uses.append(Use(kind, bound, *what, intervals=interval_count(trajectory)))
     if safety is not None:
@@ -145,13 +158,135 @@ def certificate_of(
     return Certificate(tuple(uses), tuple(unlimited), unchecked(lib, safety), distances, load)
 
 
-def _room(up: float, down: float, way: float) -> float:
-    """Limit of the side to which the joint has moved; the other one where that side has none."""
-    room = up if way > 0 else down
-    return room if np.isfinite(room) else min(up, down)
-
-
 def _unlimited(limits: dict[str, Array], kind: str) -> NDArray[np.bool_]:
     if kind == "position":
         return np.isinf(limits["lower"]) & np.isinf(limits["upper"])
     return ~np.isfinite(limits[kind])
+
+
+AnyMotion = TypeVar("AnyMotion", Trajectory, JoinedMotion, Trajectory | JoinedMotion)
+
+
+@dataclass(frozen=True, slots=True)
+class CertifiedMotion:
+    """A trajectory of a robot and the certificate of its limits, which need not hold."""
+
+    lib: Library  # the robot
+    trajectory: Trajectory | JoinedMotion  # its motion, one or several in a row
+    safety: Safety | None  # limits beyond those of the joints; None where only those were checked
+    certificate: Certificate  # of this trajectory under these limits
+
+    def header(self) -> tuple[str, ...]:
+        """Lines for the head of a file: robot, duration and the use of every limit."""
+        first = (
+            f"Excitation of '{self.lib.name}', {self.trajectory.duration:.17g} s. "
+            "Limits at every instant, between samples too:"
+        )
+        return (first, *self.certificate.sentences())
+
+    def require_limits(self) -> None:
+        """Check that the certificate holds, as a motion for a robot must."""
+        if self.certificate.holds:
+            return
+        broken = ", ".join(
+            f"{use.kind} of {use.where} at {100 * use.bound:.4g} % ({use.time:.3f} s)"
+            for use in self.certificate.broken
+        )
+        percent = 100 * fastest(self)
+        advice = (
+            f"add --speed {percent:.0f}, at which they are kept"
+            if percent >= 1
+            else "design another motion"
+        )
+        raise ExportError(f"nothing is exported, the motion exceeds limits: {broken}; {advice}")
+
+
+def certified(
+    lib: Library, trajectory: Trajectory | JoinedMotion, safety: Safety | None = None
+) -> CertifiedMotion:
+    """A motion with its certificate, computed here and nowhere else."""
+    return CertifiedMotion(lib, trajectory, safety, _certificate(lib, trajectory, safety))
+
+
+def _certificate(
+    lib: Library, trajectory: Trajectory | JoinedMotion, safety: Safety | None
+) -> Certificate:
+    """Certificate of a motion; of several in a row the largest use of every limit."""
+    if isinstance(trajectory, Trajectory):
+        return certificate_of(lib, trajectory, safety)
+    parts = [certificate_of(lib, part, safety) for part in trajectory.parts]
+    starts = trajectory.starts
+    later = [
+        [
+            [replace(use, time=use.time + start) for use in uses]
+            for uses in (part.uses, part.distances)
+        ]
+        for part, start in zip(parts, starts, strict=True)
+    ]
+    uses, distances = (
+        tuple(_largest(same) for same in zip(*(part[k] for part in later), strict=True))
+        for k in range(2)
+    )
+    return replace(parts[0], uses=uses, distances=distances)
+
+
+def _largest(same: tuple[Use, ...]) -> Use:
+    """Largest use of one limit by several motions, on the intervals of all of them."""
+    count = sum(use.intervals for use in same)
+    return replace(max(same, key=_order), intervals=count)
+
+
+def _order(use: Use) -> float:
+    """The bound, +inf for what is not a number."""
+    return use.bound if np.isfinite(use.bound) else np.inf
+
+
+def fastest(motion: CertifiedMotion) -> float:
+    """Largest speed found by bisection, in whole percents, at which the path keeps its limits."""
+    certificate = motion.certificate
+    stays = {"position", DependentPosition.kind, "tip box", *DISTANCES}
+    if any(use.kind in stays or not np.isfinite(use.bound) for use in certificate.broken):
+        return 0.0
+    low, high = (100, 101) if certificate.holds else (0, 100)
+    while high - low > 1:
+        percent = (low + high) // 2
+        slow = slowed(motion.trajectory, percent / 100)
+        if _certificate(motion.lib, slow, motion.safety).holds:
+            low = percent
+        else:
+            high = percent
+    return low / 100
+
+
+def slowed(trajectory: AnyMotion, speed: float) -> AnyMotion:
+    """The same path at a lower speed, in the duration t_f / speed."""
+    require_speed(speed)
+    if isinstance(trajectory, JoinedMotion):
+        return trajectory.slowed(speed)
+    return replace(trajectory, duration=trajectory.duration / speed)
+
+
+def require_speed(speed: float) -> float:
+    """The speed itself, where it is a share above 0 and up to 1."""
+    if not 0 < speed <= 1:
+        raise IdentificationError(
+            f"a replay needs a speed above 0 and up to 100 %, got {100 * speed:g} %; a faster "
+            "motion must be designed with a shorter --duration"
+        )
+    return speed
+
+
+def pulled_inside(
+    lib: Library, trajectory: Trajectory, most: float = 1e-3, share: float = 1.0
+) -> Trajectory:
+    """Scale joints that slightly exceed their own limits back onto them.
+
+    A design that touches its limits at samples exceeds them between samples by the error of the
+    chords. What exceeds by more is left as it is; the certificate states it.
+    """
+    bounds, _ = joint_bounds(lib, trajectory)
+    use = bounds.max(axis=0) / share
+    touched = (use > 1) & (use <= 1 + most)
+    # The bound scales with a; 1e-9 is far above the rounding of its second evaluation.
+    rho = np.where(touched, use * (1 + 1e-9), 1.0)
+    return replace(trajectory, coefficients=trajectory.coefficients / rho[:, None])

@@ -90,11 +90,6 @@ class LinearRows:
             product[rows] = part @ x[columns]
         return product
 
-    @property
-    def used(self) -> int:
-        """Number of rows that have been used."""
-        return int(self._used.sum())
-
     def slack(self, x: Array) -> Array:
         """Distances b − A x, not below zero."""
         return np.maximum(self.bound - self.times(x), 0.0)

@@ -38,13 +38,12 @@ from runtime.errors import IdentificationError
 from runtime.excitation.limits.safety import Safety, unchecked
 from runtime.excitation.motion.trajectory import Trajectory
 from runtime.excitation.search.condition_cost import INFORMED_SAMPLES, ConditionCost
+from runtime.excitation.search.criteria import unseen_joints
 from runtime.excitation.search.design_settings import DesignKeywords, DesignSettings, settings_from
-from runtime.excitation.search.finish import Finished, finished
+from runtime.excitation.search.finish import Finished, Task, behind_count, finished, rounds
 from runtime.excitation.search.information import Information, in_time, projected
 from runtime.excitation.search.measures import covariance
 from runtime.excitation.search.single_start import Search
-from runtime.excitation.search.unseen_motions import unseen_joints
-from runtime.excitation.search.variations import Task, behind_count, rounds
 from runtime.library import Array, Library, load, require_library
 from runtime.parallel import on_cluster
 

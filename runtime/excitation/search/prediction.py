@@ -14,10 +14,9 @@ from scipy.fft import dct
 from runtime.errors import IdentificationError
 from runtime.excitation.motion.trajectory import Trajectory
 from runtime.excitation.search.condition_cost import COST_SAMPLES
-from runtime.excitation.search.criteria import PAYLOAD, sizes
+from runtime.excitation.search.criteria import PAYLOAD, sizes, unseen_joints
 from runtime.excitation.search.information import FRICTION, Information, information
 from runtime.excitation.search.measures import covariance, mean_gram, rank, too_many
-from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.library import Array, Library
 from runtime.library.parameters import FIRST_MOMENT, MASS, mass
 from runtime.recording import Friction

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from runtime.common.files import replacing
+from runtime.common.files import replacing, write_text
 from runtime.experiments.report.drawing import paths_of, write_pictures
 from runtime.experiments.report.labels import short_hash, tables
 from runtime.experiments.report.page import caption, experiments_page, headline, write_readme
@@ -39,8 +39,7 @@ def write_experiments(
     experiments, notes = read_experiments(folder)
     written = [write_page(experiments_page(experiments, notes), out)]
     if tables_to is not None:
-        with replacing(tables_to) as file:
-            file.write(all_tables(experiments).encode())
+        write_text(tables_to, all_tables(experiments))
         written.append(tables_to)
     if figures_to is not None:
         written += write_pictures(experiments, figures_to)
@@ -90,5 +89,6 @@ __all__ = [
     "is_experiments",
     "picture_paths",
     "read_experiments",
+    "replacing",
     "write_experiments",
 ]

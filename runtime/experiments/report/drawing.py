@@ -252,7 +252,9 @@ def _bars(figure: "Figure", experiment: Experiment, view: View) -> None:
             )
             for bar in drawn:
                 bar.set_gid(f"{OWNER}{owner}")
-        axis.set_xticks(range(len(view.metrics)), [_joint(m) for m in view.metrics])
+        axis.set_xticks(
+            range(len(view.metrics)), [f"joint {m.rpartition('_')[2]}" for m in view.metrics]
+        )
         axis.grid(visible=False, axis="x")
         axis.set_title(experiment.cases.get(case, case_name(case)))
         axis.set_ylabel(view.axes[1] or "%")
@@ -265,10 +267,6 @@ def _heights(
 ) -> Array:
     values = [known.get((case, method, metric), Value(math.nan)).mean for metric in metrics]
     return np.array(values, dtype=float)
-
-
-def _joint(metric: str) -> str:
-    return f"joint {metric.rpartition('_')[2]}"
 
 
 def _finish(axis: "Axes", view: View) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from runtime.common.files import replacing
+from runtime.common.files import write_text
 from runtime.common.tables import Table
 from runtime.errors import RuntimeFault
 from runtime.experiments.report.drawing import has_figure, inline, write_picture
@@ -61,8 +61,7 @@ def write_readme(experiments: tuple[Experiment, ...], path: Path, command: str) 
     gallery = [f"![{title}]({GALLERY}/{file.name})" for title, file in pictures]
     body = ["", f"`{command}` wrote this section.", "", *_table(experiments)]
     body += ["", " ".join(gallery), ""] if gallery else [""]
-    with replacing(path) as file:
-        file.write(f"{before}{BEGIN}{chr(10).join(body)}{END}{after}".encode())
+    write_text(path, f"{before}{BEGIN}{chr(10).join(body)}{END}{after}")
     return (path, *(file for _, file in pictures))
 
 

@@ -122,17 +122,13 @@ def _run(setup: BenchSetup, numbers: range, threads: int) -> list[Row]:
             descents = _descents(setup, case, same, threads)
             for number, problem, (fit, seconds) in zip(numbers, same, descents, strict=True):
                 rows.append(_row(case, f"adam{suffix}", number, part, problem, fit, seconds))
-        for number, problem in zip(numbers, problems, strict=True):
-            fit, seconds = timed(fit_pc_ols, problem)
-            rows.append(_row(case, "pc-ols", number, plain, problem, fit, seconds))
-            other = _problem(setup, rubbing, number, case)
-            fit, seconds = timed(fit_pc_ols, other)
-            rows.append(_row(case, "pc-ols-friction", number, rubbing, other, fit, seconds))
-            for method in _terms(config):
-                part = setup.parts[case, method]
-                problem_of_method = _problem(setup, part, number, case)
-                fit, seconds = timed(fit_map, problem_of_method)
-                rows.append(_row(case, method, number, part, problem_of_method, fit, seconds))
+        convex = {"pc-ols": (fit_pc_ols, "map"), "pc-ols-friction": (fit_pc_ols, "map-friction")}
+        convex |= {method: (fit_map, method) for method in _terms(config)}
+        for number in numbers:
+            for method, (solve, terms) in convex.items():
+                part = setup.parts[case, terms]
+                problem = _problem(setup, part, number, case)
+                rows.append(_row(case, method, number, part, problem, *timed(solve, problem)))
     return rows
 
 

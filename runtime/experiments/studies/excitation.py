@@ -81,7 +81,7 @@ def _finish(setup: ExcitationSetup, rows: list[Row]) -> StudyOutcome:
         "path": lib.end_effector(recording.q),
     } | curves("best", recording)
     head = {"case": "best", "method": "search", "trial": ranked[0]["trial"]}
-    row = head | _costs(_before(ranked[0]), last)
+    row = head | _costs(float(ranked[0]["cost_before"]), last)
     facts = {
         "motion": "q = home + sum_m a_m (cos 2 pi m s - 1 + 2 pi^2 m^2 s^2 (1-s)^2), s = t/t_f",
         "columns": f"{len(lib.base_columns)} base parameters, columns of unit length",
@@ -105,10 +105,6 @@ def _costs(before: float, after: float) -> Row:
         "condition_before": float(np.exp(before)),
         "condition_after": float(np.exp(after)),
     }
-
-
-def _before(row: Row) -> float:
-    return float(row["cost_before"])
 
 
 STUDY = Study(

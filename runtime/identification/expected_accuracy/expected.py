@@ -93,7 +93,7 @@ class Expected:
         """RMS torque error of the MAP model over other motions.
 
         unseen (n, n_b, n_b) mean of Y_bᵀ Y_b per joint over these motions, of
-        `runtime.excitation.search.unseen_motions.unseen_joints` → (n,) expected error per joint
+        `runtime.excitation.search.criteria.unseen_joints` → (n,) expected error per joint
         [N·m, N].
         """
         over_base = lib.base_matrix @ self.root
@@ -254,7 +254,7 @@ def torque_of_gains(lib: Library, slopes: Array, gain_error: float, unseen: Arra
     """RMS error of the torque of other motions by the gains.
 
     slopes (10 n, n), unseen (n, n_b, n_b) mean of Y_bᵀ Y_b per joint over these motions, of
-    `runtime.excitation.search.unseen_motions.unseen_joints` → (n,) N·m or N.
+    `runtime.excitation.search.criteria.unseen_joints` → (n,) N·m or N.
     """
     change = gain_error * (lib.base_matrix @ slopes)
     return np.sqrt([np.sum(change * (joint @ change)) for joint in unseen])

@@ -22,8 +22,7 @@ from runtime.inspection.checks.signals import moving_joints
 from runtime.inspection.finding import ERROR, INFO, WARNING, Finding
 from runtime.library import Array, Library
 from runtime.recording import Preparation, Recipe, Recording
-from runtime.recording.preprocessing.clock_repair import repair_clock
-from runtime.recording.preprocessing.segments import HOLE, JITTER
+from runtime.recording.preprocessing.segments import HOLE, JITTER, repair_clock
 from runtime.recording.reader import Raw
 from runtime.recording.recipes.recipe import UNITS, Time
 from runtime.recording.recording import FloatArray
@@ -73,16 +72,15 @@ def order_of_time(raw: Raw, plan: Recipe) -> tuple[Recipe, list[Finding]]:
     unit = UNITS["time"][plan.time.unit] if plan.time else 1.0
     step = float(np.median(steps[steps > 0])) * unit if np.any(steps > 0) else 1.0
     first = int(backward[0])
+    sentence = (
+        f"time does not increase at {backward.size} rows (first at row {first + 1}: "
+        f"{t[first]:.9g}, then {t[first + 1]:.9g}): the file holds several runs, or stamps "
+        "of another clock; cut the log into runs, or replace [time] by the proposed rate_hz "
+        "if the rows are equally spaced"
+    )
+    evidence = {"rows": int(backward.size), "first": first + 1, "rate_hz": 1.0 / step}
     return plan.replace(time=Time(rate_hz=1.0 / step)), [
-        Finding(
-            "time_backwards",
-            ERROR,
-            f"time does not increase at {backward.size} rows (first at row {first + 1}: "
-            f"{t[first]:.9g}, then {t[first + 1]:.9g}): the file holds several runs, or stamps "
-            "of another clock; cut the log into runs, or replace [time] by the proposed rate_hz "
-            "if the rows are equally spaced",
-            {"rows": int(backward.size), "first": first + 1, "rate_hz": 1.0 / step},
-        )
+        Finding("time_backwards", ERROR, sentence, evidence)
     ]
 
 
@@ -309,18 +307,15 @@ def lost_rows(recording: Recording) -> list[Finding]:
     between = float(np.mean((ratio > BETWEEN[0]) & (ratio < BETWEEN[1])))
     if twice < LOST or twice < CLEAR * between:
         return []
-    return [
-        Finding(
-            "restamped",
-            WARNING,
-            f"at {100 * twice:.1f} % of the steps q moves twice as far as its velocity in one "
-            f"period of {1e3 * step:.4g} ms, though the stamps are even: rows were lost and the "
-            "others stamped at a constant rate, so that velocities, accelerations and the delay "
-            "of τ are wrong there; log the clock of the controller, or use clock_tick under "
-            "[preparation] where it is proposed",
-            {"share": twice, "share_between": between, "step_s": step},
-        )
-    ]
+    sentence = (
+        f"at {100 * twice:.1f} % of the steps q moves twice as far as its velocity in one "
+        f"period of {1e3 * step:.4g} ms, though the stamps are even: rows were lost and the "
+        "others stamped at a constant rate, so that velocities, accelerations and the delay "
+        "of τ are wrong there; log the clock of the controller, or use clock_tick under "
+        "[preparation] where it is proposed"
+    )
+    evidence = {"share": twice, "share_between": between, "step_s": step}
+    return [Finding("restamped", WARNING, sentence, evidence)]
 
 
 def lost_beside_repeats(recording: Recording, repeated: int, skipped: int) -> list[Finding]:
@@ -336,16 +331,12 @@ def lost_beside_repeats(recording: Recording, repeated: int, skipped: int) -> li
     share = lost / max(len(recording), 1)
     if even.mean() < MADE_UP or share < LOST:
         return []
-    return [
-        Finding(
-            "restamped",
-            WARNING,
-            f"{lost} rows more are missing than repeated ({100 * share:.1f} %), though the stamps "
-            "are even: rows were lost and the others stamped at a constant rate; use the rebuilt "
-            "clock (clock_tick under [preparation]), or log the clock of the controller",
-            {"share": share, "step_s": step},
-        )
-    ]
+    sentence = (
+        f"{lost} rows more are missing than repeated ({100 * share:.1f} %), though the stamps "
+        "are even: rows were lost and the others stamped at a constant rate; use the rebuilt "
+        "clock (clock_tick under [preparation]), or log the clock of the controller"
+    )
+    return [Finding("restamped", WARNING, sentence, {"share": share, "step_s": step})]
 
 
 def _even_steps(recording: Recording) -> tuple[float, NDArray[np.bool_]]:

@@ -55,16 +55,13 @@ def commanded(recording: Recording, plan: Recipe) -> list[Finding]:
     law = plan.law
     if law is None:
         return []
-    return [
-        Finding(
-            "commanded_torque",
-            INFO,
-            f"the log measures no torque: τ is commanded by its {law}; it includes rotors and "
-            "friction, and a wrong gain kp scales masses and friction alike; check kp and kd with "
-            "the driver of the robot",
-            {"law": law.law, "source": recording.torque_source},
-        )
-    ]
+    sentence = (
+        f"the log measures no torque: τ is commanded by its {law}; it includes rotors and "
+        "friction, and a wrong gain kp scales masses and friction alike; check kp and kd with "
+        "the driver of the robot"
+    )
+    evidence = {"law": law.law, "source": recording.torque_source}
+    return [Finding("commanded_torque", INFO, sentence, evidence)]
 
 
 def law_gain(recording: Recording, lib: Library, plan: Recipe) -> tuple[Recipe, list[Finding]]:
@@ -156,18 +153,14 @@ def delay_of_measured(
     if gain < LATE_GAIN or abs(excess) < max(LATE * sigma, LEAST_STEPS * step):
         return [stated]
     which = "later" if late > 0 else "earlier"
-    return [
-        Finding(
-            "time_shift",
-            WARNING,
-            f"τ is stamped {1e3 * abs(late):.2f} ms {which} than q (± {1e3 * NORMAL_95 * sigma:.2f}"
-            f" ms, {abs(late) / step:.2g} samples; up to {reach:.2g} s were searched): shifting it "
-            f"back removes {100 * gain:.0f} % of the squared residual; set torque_delay_s = "
-            f"{late:.2g} under [preparation]",
-            {"delay_s": late, "sigma_s": sigma, "gain": gain, "searched_s": reach},
-        ),
-        stated,
-    ]
+    sentence = (
+        f"τ is stamped {1e3 * abs(late):.2f} ms {which} than q (± {1e3 * NORMAL_95 * sigma:.2f}"
+        f" ms, {abs(late) / step:.2g} samples; up to {reach:.2g} s were searched): shifting it "
+        f"back removes {100 * gain:.0f} % of the squared residual; set torque_delay_s = "
+        f"{late:.2g} under [preparation]"
+    )
+    evidence = {"delay_s": late, "sigma_s": sigma, "gain": gain, "searched_s": reach}
+    return [Finding("time_shift", WARNING, sentence, evidence), stated]
 
 
 def delay(

@@ -79,25 +79,22 @@ def _by_content(blocks: tuple[ColumnBlock, ...]) -> Finding:
         for each in blocks
         if each.kind
     )
-    return Finding(
-        "columns_by_content",
-        WARNING,
+    sentence = (
         "the file has no header whose words are known; its columns, counted from 0, were assigned "
         "by their content: "
-        f"{spans}; check them, and correct them in the recipe that --recipe-out writes",
-        {"table": rows},
+        f"{spans}; check them, and correct them in the recipe that --recipe-out writes"
     )
+    return Finding("columns_by_content", WARNING, sentence, {"table": rows})
 
 
 def _incomplete(kind: str, part: dict, joints: int) -> Finding:
     first, *others = part["where"]["columns"]
     count = f"{len(others) + 1} columns ({first} … {others[-1]})" if others else "one column"
-    return Finding(
-        "incomplete_signal",
-        WARNING,
+    sentence = (
         f"{part['title']} is named like a {kind} but has {count} for {joints} joints, so it is "
-        "not used; log every joint, or describe it in a recipe",
+        "not used; log every joint, or describe it in a recipe"
     )
+    return Finding("incomplete_signal", WARNING, sentence)
 
 
 def _recipe(
@@ -142,15 +139,12 @@ def _recipe(
     elif rate_hz is not None:
         time = Time(rate_hz=rate_hz)
     elif "velocity" not in chosen:
-        findings.append(
-            Finding(
-                "missing_clock",
-                ERROR,
-                "the log has no column of time, and no velocity to compute its rate from; give the "
-                "rate of the logger by --settings log_rate=HZ, or write rate_hz under [time] of "
-                "the recipe",
-            )
+        sentence = (
+            "the log has no column of time, and no velocity to compute its rate from; give the "
+            "rate of the logger by --settings log_rate=HZ, or write rate_hz under [time] of "
+            "the recipe"
         )
+        findings.append(Finding("missing_clock", ERROR, sentence))
     law, stated = _law_of(signals) if "torque" not in chosen else (None, [])
     recipe = Recipe(run=run, time=time, law=law, **chosen)  # type: ignore[arg-type]
     return recipe, findings + stated

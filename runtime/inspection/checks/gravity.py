@@ -226,9 +226,8 @@ def _reversed(
         f"{significant(100 * present.free)} %){doubt}"
     )
     if best.sign < 0 and best.gravity > 0 and plan.torque is not None:
-        return negated(plan), [
-            Finding("torque_sign", ERROR, f"{comparison}: {_CAUSE_OF_SIGN}", evidence)
-        ]
+        sentence = f"{comparison}: {_CAUSE_OF_SIGN}"
+        return negated(plan), [Finding("torque_sign", ERROR, sentence, evidence)]
     if best.gravity < 0.0:
         return plan, [_gravity_reversed(lib, comparison, evidence)]
     what = (
@@ -351,15 +350,14 @@ def _finding(
         else "the base is tilted; measure its angles, or build the robot so: "
         f"{build_command(lib, 'tilted', fitted)}"
     )
-    return Finding(
-        "gravity",
-        ERROR if exact else WARNING,
+    sentence = (
         f"gravity of the model ({_numbers(lib.gravity)} m/s² in the base frame) leaves "
         f"{significant(100 * along)} % of the torque unexplained even with negative masses, the "
         f"fitted gravity ({_numbers(fitted)} m/s²{f', nearly along {name}' if exact else ''}) "
-        f"{significant(100 * left)} %: {cause}",
-        evidence | {"gravity": [float(x) for x in vector], "along": along, "left": left},
+        f"{significant(100 * left)} %: {cause}"
     )
+    facts = evidence | {"gravity": [float(x) for x in vector], "along": along, "left": left}
+    return Finding("gravity", ERROR if exact else WARNING, sentence, facts)
 
 
 def _numbers(vector: Array) -> str:

@@ -16,8 +16,7 @@ from runtime.estimators.regression.causes import GAIN, TILT, ZERO, Cause, causes
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.estimators.regression.posterior import least_squares, posterior_of
 from runtime.inspection.checks.signals import LITTLE
-from runtime.inspection.checks.torque_rows import TorqueRows
-from runtime.inspection.checks.torque_signs import slopes_to_model
+from runtime.inspection.checks.torque_rows import TorqueRows, slopes_to_model
 from runtime.inspection.finding import INFO, WARNING, Finding, joint_list
 from runtime.library import Array
 from runtime.library.parameters import MASS, N_PARAMETERS, centre_of_mass, mass
@@ -82,16 +81,12 @@ def unexplained(
         misfit = _median_misfit(torque_rows, fit.matrix)
     if misfit < STRANGE:
         return []
-    return [
-        Finding(
-            "unexplained",
-            WARNING,
-            f"least squares without constraints leaves {100 * misfit:.0f} % of the torque "
-            "unexplained: another robot, other units or another order than assumed here, contact, "
-            "or another signal than the joint torque; do not use a model identified from this log",
-            {"misfit": misfit},
-        )
-    ]
+    sentence = (
+        f"least squares without constraints leaves {100 * misfit:.0f} % of the torque "
+        "unexplained: another robot, other units or another order than assumed here, contact, "
+        "or another signal than the joint torque; do not use a model identified from this log"
+    )
+    return [Finding("unexplained", WARNING, sentence, {"misfit": misfit})]
 
 
 def _median_misfit(torque_rows: TorqueRows, matrix: Array) -> float:
@@ -158,26 +153,26 @@ def tool(torque_rows: TorqueRows) -> list[Finding]:
         else "the model contains a body that is not mounted, such as a hand: build the robot with "
         "--tip set to the link before it"
     )
-    return [
-        Finding(
-            "tool",
-            WARNING,
-            f"{mass_kg:+.2f} ± {2 * sigma:.2f} kg at {link} (centre {centre} m) "
-            f"explain the residual of the model ({100 * gain:.0f} % remains); {what}",
-            {"mass_kg": mass_kg, "sigma_kg": sigma, "com_m": [float(c) for c in com], "left": gain},
-        )
-    ]
+    sentence = (
+        f"{mass_kg:+.2f} ± {2 * sigma:.2f} kg at {link} (centre {centre} m) "
+        f"explain the residual of the model ({100 * gain:.0f} % remains); {what}"
+    )
+    evidence = {
+        "mass_kg": mass_kg,
+        "sigma_kg": sigma,
+        "com_m": [float(c) for c in com],
+        "left": gain,
+    }
+    return [Finding("tool", WARNING, sentence, evidence)]
 
 
 def one_run(duration_s: float) -> Finding:
     """Note that a test on a part of the same run of this duration [s] is optimistic."""
-    return Finding(
-        "one_run",
-        INFO,
+    sentence = (
         f"this is one run of {duration_s:.3g} s: a test on a part of it "
-        "underestimates the error of the model; record another motion for the test",
-        {"duration_s": duration_s},
+        "underestimates the error of the model; record another motion for the test"
     )
+    return Finding("one_run", INFO, sentence, {"duration_s": duration_s})
 
 
 def inflation_of(matrix: Array, errors: Array, weights: Array) -> float:
@@ -213,17 +208,14 @@ def coupling(torque_rows: TorqueRows, fit: UnconstrainedFit, terms: Friction) ->
         return []
     j, k, most = max(pairs, key=lambda pair: pair[2])
     names = lib.joint_names
-    return [
-        Finding(
-            "gear_coupling",
-            WARNING,
-            f"the residuals of {names[j]} and {names[k]} follow the speed of each other "
-            f"({100 * most:.0f} % of their squares or more), as where a gear couples their "
-            "motors; if it does, give the full matrix under [gear] and add motor_viscous, "
-            "motor_coulomb, motor_rotor to the columns of [friction]",
-            {"pairs": [[a, b, c] for a, b, c in pairs]},
-        )
-    ]
+    sentence = (
+        f"the residuals of {names[j]} and {names[k]} follow the speed of each other "
+        f"({100 * most:.0f} % of their squares or more), as where a gear couples their "
+        "motors; if it does, give the full matrix under [gear] and add motor_viscous, "
+        "motor_coulomb, motor_rotor to the columns of [friction]"
+    )
+    evidence = {"pairs": [[a, b, c] for a, b, c in pairs]}
+    return [Finding("gear_coupling", WARNING, sentence, evidence)]
 
 
 def _share(dq: Array, ddq: Array, errors: Array, j: int, k: int) -> float:
@@ -276,17 +268,14 @@ def _gain(torque_rows: TorqueRows, best: Cause) -> list[Finding]:
     if gain <= 0 or (not (gain > OFF and size > 0) and not (gain < 1 / OFF and size < 0)):
         return []
     name = lib.joint_names[best.joint]
-    return [
-        Finding(
-            "torque_gain",
-            WARNING,
-            f"the torque of {name} is about {gain:.2g} times too large beside that of the other "
-            "joints: no bodies explain them together, and the slope on the torque of the URDF "
-            f"differs by as much; check its torque constant and gear ratio, and set gain of {name} "
-            f"to {1 / gain:.2g} times the present one under [torque]",
-            {"joint": best.joint, "gain": gain, "statistic": best.statistic},
-        )
-    ]
+    sentence = (
+        f"the torque of {name} is about {gain:.2g} times too large beside that of the other "
+        "joints: no bodies explain them together, and the slope on the torque of the URDF "
+        f"differs by as much; check its torque constant and gear ratio, and set gain of {name} "
+        f"to {1 / gain:.2g} times the present one under [torque]"
+    )
+    evidence = {"joint": best.joint, "gain": gain, "statistic": best.statistic}
+    return [Finding("torque_gain", WARNING, sentence, evidence)]
 
 
 def hidden_gains(torque_rows: TorqueRows) -> list[Finding]:
@@ -322,17 +311,13 @@ def other_robot(torque_rows: TorqueRows, fit: UnconstrainedFit) -> list[Finding]
     mismatch = float(np.sqrt(max(by_urdf - free, 0.0) / max(none - free, 1e-300)))
     if mismatch < OTHER or by_urdf - free < MISSED**2 * float(tau @ tau):
         return []
-    return [
-        Finding(
-            "other_robot",
-            WARNING,
-            f"the bodies of the URDF miss {100 * mismatch:.0f} % of the rigid torque of this log, "
-            "which other bodies on the same axes explain: the log is of another robot or variant, "
-            "the arm carries something, or the masses of the URDF are placeholders; build the "
-            "robot of the log",
-            {"mismatch": mismatch},
-        )
-    ]
+    sentence = (
+        f"the bodies of the URDF miss {100 * mismatch:.0f} % of the rigid torque of this log, "
+        "which other bodies on the same axes explain: the log is of another robot or variant, "
+        "the arm carries something, or the masses of the URDF are placeholders; build the "
+        "robot of the log"
+    )
+    return [Finding("other_robot", WARNING, sentence, {"mismatch": mismatch})]
 
 
 def not_measured(torque_rows: TorqueRows, fit: UnconstrainedFit, raw_tau: Array) -> list[Finding]:
@@ -362,20 +347,17 @@ def not_measured(torque_rows: TorqueRows, fit: UnconstrainedFit, raw_tau: Array)
         else f"the model fits it to {significant(100 * misfit)} %, and its noise is "
         f"{significant(100 * floor)} % of its RMS"
     )
-    return [
-        Finding(
-            "not_measured",
-            WARNING,
-            f"the torque is not a measurement: {why}; it is the output of a model (commanded, "
-            "feed-forward or simulated torque), from which only that model can be identified; log "
-            "the measured torque or current",
-            {
-                "misfit": misfit,
-                "noise_over_rms": [float(x) for x in noise],
-                "without_friction_over_with": friction,
-            },
-        )
-    ]
+    sentence = (
+        f"the torque is not a measurement: {why}; it is the output of a model (commanded, "
+        "feed-forward or simulated torque), from which only that model can be identified; log "
+        "the measured torque or current"
+    )
+    evidence = {
+        "misfit": misfit,
+        "noise_over_rms": [float(x) for x in noise],
+        "without_friction_over_with": friction,
+    }
+    return [Finding("not_measured", WARNING, sentence, evidence)]
 
 
 def noise_floor(values: Array) -> Array:

@@ -58,7 +58,9 @@ def outlying_rows(recording: Recording, plan: Recipe, lib: Library) -> tuple[Rec
     if len(recording) < FEWEST_ROWS:
         return plan, []
     signals = {key: getattr(recording, key) for key in _NAMES}
-    beside = _beside_gaps(recording)
+    gaps = np.concatenate([[False], holes(recording.t), [False]])
+    # Rows beside a gap of the clock, across which the arm may have moved, (N, 1).
+    beside = np.asarray(gaps[1:] | gaps[:-1])[:, None]
     marks = {
         key: _outliers(values) & ~beside for key, values in signals.items() if values is not None
     }
@@ -102,15 +104,11 @@ def outlying_rows(recording: Recording, plan: Recipe, lib: Library) -> tuple[Rec
     }
     if few:
         plan = plan.replace(leave_out=tuple(sorted({*plan.leave_out, *spans})))
-    return plan, [
-        Finding(
-            "outliers",
-            WARNING,
-            f"{int(rows.sum())} rows do not follow from those around them (at {places}): "
-            f"{'; '.join(said)}{shifted}; {remedy}",
-            evidence,
-        )
-    ]
+    sentence = (
+        f"{int(rows.sum())} rows do not follow from those around them (at {places}): "
+        f"{'; '.join(said)}{shifted}; {remedy}"
+    )
+    return plan, [Finding("outliers", WARNING, sentence, evidence)]
 
 
 def _outliers(values: Array) -> NDArray[np.bool_]:
@@ -122,12 +120,6 @@ def _outliers(values: Array) -> NDArray[np.bool_]:
     moving = np.any(np.diff(values, axis=0, prepend=np.nan) != 0.0, axis=1)
     usual = np.quantile(far[moving], QUANTILE, axis=0) if moving.any() else np.zeros(len(low))
     return np.asarray(far > np.maximum(TIMES * usual, RANGE * (high - low) + 1e-300))
-
-
-def _beside_gaps(recording: Recording) -> NDArray[np.bool_]:
-    """Rows beside a gap of the clock, across which the arm may have moved, (N, 1)."""
-    gaps = np.concatenate([[False], holes(recording.t), [False]])
-    return np.asarray(gaps[1:] | gaps[:-1])[:, None]
 
 
 def _beyond_effort(tau: Array, lib: Library) -> NDArray[np.bool_]:
@@ -221,17 +213,16 @@ def frozen(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, li
         f"from {t[first]:.4g} to {t[last - 1]:.4g} s"
         for first, last, keys in intervals[:4]
     )
+    sentence = (
+        f"signals keep their value to the last bit while the arm moves ({listed}): the logger "
+        "or a driver stopped; leave_out of the proposed recipe leaves these rows out"
+    )
+    evidence = {
+        "spans_s": [list(span) for span in spans],
+        "signals": [list(keys) for *_, keys in intervals],
+    }
     return plan.replace(leave_out=tuple(sorted({*plan.leave_out, *spans}))), [
-        Finding(
-            "frozen",
-            WARNING,
-            f"signals keep their value to the last bit while the arm moves ({listed}): the logger "
-            "or a driver stopped; leave_out of the proposed recipe leaves these rows out",
-            {
-                "spans_s": [list(span) for span in spans],
-                "signals": [list(keys) for *_, keys in intervals],
-            },
-        )
+        Finding("frozen", WARNING, sentence, evidence)
     ]
 
 

@@ -1,6 +1,11 @@
-"""Prepared and thinned rows on which the checks of the torque are computed.
+"""Prepared and thinned rows on which the checks of the torque are computed, and that of its unit.
 
-The checks themselves are `torque_signs`, `gravity` and `model_fit`.
+    τ_j = s τ̂_j + v dq_j + c tanh(dq_j / ε) + b
+
+s is 1 where τ is the torque at the joint in N·m. One factor for all joints is a unit; different
+factors are motor currents or motor torques. The torque of the URDF errs by 10 to 20 %, so that
+gains computed from it are a start, not a calibration. Signs: `column_faults`; the other checks are
+`gravity` and `model_fit`.
 """
 
 from dataclasses import dataclass, replace
@@ -11,8 +16,9 @@ from numpy.typing import NDArray
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.posterior import least_squares
 from runtime.estimators.regression.samples import Samples, samples_of
+from runtime.inspection.finding import ERROR, Finding
 from runtime.library import Array, Library
-from runtime.recording import Friction, Preparation, Recording
+from runtime.recording import Friction, Preparation, Recipe, Recording
 from runtime.recording.friction.columns import ROTOR
 from runtime.recording.friction.coupled_motors import spread
 from runtime.recording.preprocessing import prepare
@@ -108,3 +114,98 @@ def rough(recording: Recording, preparation: Preparation) -> Preparation:
         max_gap_s=grid if grid or uniform else 4.0 * step,
         trim_s=min(1.0 / f_c, 0.05 * recording.duration),
     )
+
+
+SURE = 0.7
+"""Partial correlation of τ with the model's torque above which a slope is used."""
+LOADED = 0.05
+"""RMS of the model's torque over the largest one, above which a joint is used."""
+BEYOND = 10.0
+"""Largest torque over the limit of effort, median of the joints, from which on τ is not in N·m."""
+USUAL = (0.5, 2.0)
+"""Slopes that the errors of a URDF explain."""
+
+
+def scale(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]:
+    """Unit and gains of τ, from the slopes of the joints that gravity or inertia load."""
+    slopes, is_used = slopes_to_model(torque_rows)
+    if plan.torque is None or not is_used.any():
+        return plan, [] if plan.torque is None or plan.torque.unit == "A" else _beyond(torque_rows)
+    size = np.abs(slopes)
+    middle = float(np.median(size[is_used]))
+    evidence = {"slopes": [float(s) if k else None for s, k in zip(slopes, is_used, strict=True)]}
+    factors = ", ".join(f"{s:.3g}" if k else "?" for s, k in zip(slopes, is_used, strict=True))
+    spread = float(size[is_used].max() / size[is_used].min())
+    # In amperes by its title, without a gain.
+    is_unscaled = plan.torque is not None and plan.torque.unit == "A" and plan.torque.gain == 1.0
+    if USUAL[0] <= middle <= USUAL[1] and spread < 4.0 and not is_unscaled:
+        return plan, []
+    if 400.0 <= middle <= 2500.0 and spread < 3.0 and plan.torque.unit == "N*m":
+        sentence = (
+            f"τ looks like mN·m: it is {factors} times the model's torque, joint by joint; set "
+            "unit = 'mN*m' under [torque]"
+        )
+        torque = replace(plan.torque, unit="mN*m")
+        return plan.replace(torque=torque), [Finding("torque_unit", ERROR, sentence, evidence)]
+    known = [float(s) for s, k in zip(size, is_used, strict=True) if k]
+    gains = [
+        1.0 / s if k else 1.0 / float(np.median(known)) for s, k in zip(size, is_used, strict=True)
+    ]
+    evidence["gains"] = [float(f"{g:.4g}") for g in gains]
+    before = np.broadcast_to(np.asarray(plan.torque.gain or 1.0, dtype=float), size.shape)
+    torque = replace(
+        plan.torque,
+        unit="A",
+        gain=tuple(float(f"{g * b:.4g}") for g, b in zip(gains, before, strict=True)),
+    )
+    sentence = (
+        f"τ is not the joint torque in N·m: it is {factors} times the model's torque, joint by "
+        "joint, as motor currents or motor torques are; give the gains from the data sheet "
+        "(torque constant times gear ratio), or from two runs with and without a known payload. "
+        f"The proposed gains {', '.join(f'{g:.3g}' for g in gains)} reproduce the masses of the "
+        "URDF and are not a calibration: identified masses inherit their error"
+    )
+    return plan.replace(torque=torque), [Finding("torque_unit", ERROR, sentence, evidence)]
+
+
+def _beyond(torque_rows: TorqueRows) -> list[Finding]:
+    """The finding of torques far beyond the limits of effort, where links explain too little."""
+    effort = torque_rows.lib.limits()["effort"]
+    known = np.isfinite(effort) & (effort > 0)
+    if not known.any():
+        return []
+    peak = np.abs(torque_rows.whole.required("tau")).max(axis=0)
+    ratio = float(np.median(peak[known] / effort[known]))
+    if ratio < BEYOND:
+        return []
+    sentence = (
+        f"τ is not the joint torque in N·m: its peaks are {ratio:.3g} times the limits of effort "
+        "of the URDF (median of the joints); set the unit under [torque], mN*m or A with gains"
+    )
+    return [Finding("torque_unit", ERROR, sentence, {"peak_over_effort": ratio})]
+
+
+def slopes_to_model(torque_rows: TorqueRows) -> tuple[Array, NDArray[np.bool_]]:
+    """Slope s of τ on the model's torque per joint, (n,), and whether it is used, (n,) booleans."""
+    inertial, falls = torque_rows.model_torque()
+    model = inertial + falls
+    pairs = [_regressed(torque_rows, model, j) for j in range(torque_rows.lib.n_joints)]
+    slopes, partial = np.array(pairs).T
+    power = np.sqrt(np.mean(np.square(model), axis=0))
+    return slopes, np.asarray((np.abs(partial) > SURE) & (power > LOADED * power.max()))
+
+
+def _regressed(torque_rows: TorqueRows, model: Array, j: int) -> tuple[float, float]:
+    """s and the partial correlation of τ with the model's torque at joint j."""
+    s = torque_rows.samples
+    dq = s.dq[:, j]
+    others = np.column_stack([dq, np.tanh(dq / EPSILON), np.ones_like(dq)])
+    if torque_rows.has_rotors:
+        others = np.column_stack([others, s.ddq[:, j]])
+    _, tau = least_squares(others, s.tau[:, j])
+    _, rigid = least_squares(others, model[:, j])
+    size = float(np.linalg.norm(rigid))
+    if size <= 1e-6 * np.sqrt(len(rigid)):
+        return 0.0, 0.0
+    both = float(rigid @ tau)
+    return both / size**2, both / max(size * float(np.linalg.norm(tau)), 1e-300)

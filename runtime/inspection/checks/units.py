@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from runtime.estimators.regression.posterior import least_squares
-from runtime.inspection.checks.joint_order import BEYOND, ROWS, beyond_limits, mismatches
+from runtime.inspection.checks.column_faults import BEYOND, ROWS, beyond_limits, mismatches
 from runtime.inspection.finding import ERROR, WARNING, Finding, joint_list, numbers
 from runtime.library import Array, Library
 from runtime.recording import Recipe, Recording
@@ -65,16 +65,13 @@ def units(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, lis
         position = _rescaled("position", plan.signals()["position"], factor)
         plan = plan.replace(position=position)
         span = np.ptp(recording.q, axis=0).max()
-        findings.append(
-            Finding(
-                "position_unit",
-                ERROR,
-                f"positions look like {position.unit}: in the present unit they reach "
-                f"{np.abs(recording.q).max():.4g} and span {span:.4g}, in {position.unit} "
-                "they lie within the limits of the joints; set the unit under [position]",
-                {"factor": factor, "reach": float(np.abs(recording.q).max())},
-            )
+        sentence = (
+            f"positions look like {position.unit}: in the present unit they reach "
+            f"{np.abs(recording.q).max():.4g} and span {span:.4g}, in {position.unit} "
+            "they lie within the limits of the joints; set the unit under [position]"
         )
+        evidence = {"factor": factor, "reach": float(np.abs(recording.q).max())}
+        findings.append(Finding("position_unit", ERROR, sentence, evidence))
     if recording.dq is None or plan.velocity is None:
         return plan, findings + _rate_only(recording, plan)
     if len(recording) < FEWEST_ROWS:
@@ -105,26 +102,19 @@ def _velocity_and_time(
         rate = recording.rate_hz / seen
         time = replace(plan.time, rate_hz=float(f"{rate:.3g}"))
         plan = plan.replace(leave_out=_scaled(plan, recording.rate_hz / (time.rate_hz or rate)))
-        findings.append(
-            Finding(
-                "missing_clock",
-                WARNING,
-                f"the log has no column of time; Δq = dq Δt gives a rate of {rate:.4g} Hz; confirm "
-                "rate_hz under [time]",
-                {"rate_hz": rate},
-            )
+        sentence = (
+            f"the log has no column of time; Δq = dq Δt gives a rate of {rate:.4g} Hz; confirm "
+            "rate_hz under [time]"
         )
+        findings.append(Finding("missing_clock", WARNING, sentence, {"rate_hz": rate}))
         return plan.replace(time=time), findings
-    findings.append(
-        Finding(
-            "velocity_scale",
-            WARNING,
-            f"Δq/Δt over dq is {seen:.4g} instead of 1 (joint by joint "
-            f"{', '.join(f'{s:.3g}' for s in slopes)}), which no unit explains: check gear, order "
-            "and clock; until then take velocities from q (derivative = 'position'), as proposed",
-            {"slope": seen, "slopes": numbers(slopes)},
-        )
+    sentence = (
+        f"Δq/Δt over dq is {seen:.4g} instead of 1 (joint by joint "
+        f"{', '.join(f'{s:.3g}' for s in slopes)}), which no unit explains: check gear, order "
+        "and clock; until then take velocities from q (derivative = 'position'), as proposed"
     )
+    evidence = {"slope": seen, "slopes": numbers(slopes)}
+    findings.append(Finding("velocity_scale", WARNING, sentence, evidence))
     return plan.replace(preparation=replace(plan.preparation, derivative="position")), findings
 
 
@@ -138,26 +128,19 @@ def _in_units(
             time=replace(plan.time, unit=unit),
             leave_out=_scaled(plan, UNITS["time"][unit] / UNITS["time"][plan.time.unit]),
         )
-        findings.append(
-            Finding(
-                "time_unit",
-                ERROR,
-                f"time looks like {unit}: Δq/Δt is {seen:.3g} of dq, and in {unit} the log runs "
-                f"at {rate:.4g} Hz; set unit = '{unit}' under [time]",
-                {"slope": seen, "rate_hz": rate, "unit": unit},
-            )
+        sentence = (
+            f"time looks like {unit}: Δq/Δt is {seen:.3g} of dq, and in {unit} the log runs "
+            f"at {rate:.4g} Hz; set unit = '{unit}' under [time]"
         )
+        evidence = {"slope": seen, "rate_hz": rate, "unit": unit}
+        findings.append(Finding("time_unit", ERROR, sentence, evidence))
     if speed != 1.0 and plan.velocity is not None:
         plan = plan.replace(velocity=_rescaled("velocity", plan.velocity, speed))
-        findings.append(
-            Finding(
-                "velocity_unit",
-                ERROR,
-                f"velocities look like {plan.velocity.unit}: Δq/Δt is {seen:.3g} of dq; set the "  # type: ignore[union-attr]
-                "unit under [velocity]",
-                {"slope": seen},
-            )
+        sentence = (
+            f"velocities look like {plan.velocity.unit}: Δq/Δt is {seen:.3g} of dq; set the "  # type: ignore[union-attr]
+            "unit under [velocity]"
         )
+        findings.append(Finding("velocity_unit", ERROR, sentence, {"slope": seen}))
     return plan, findings
 
 
@@ -172,14 +155,8 @@ def _rate_only(recording: Recording, plan: Recipe) -> list[Finding]:
     if USUAL_RATES[0] <= given <= USUAL_RATES[1]:
         return []
     rate = f"a rate of {recording.rate_hz:.4g} Hz is unusual, and there is no dq to check it with"
-    return [
-        Finding(
-            "time_unit",
-            WARNING,
-            f"{rate}; if time is in ms or µs, set its unit under [time]",
-            {"rate_hz": recording.rate_hz},
-        )
-    ]
+    sentence = f"{rate}; if time is in ms or µs, set its unit under [time]"
+    return [Finding("time_unit", WARNING, sentence, {"rate_hz": recording.rate_hz})]
 
 
 def _position_factor(q: Array, lib: Library) -> float | None:
@@ -284,17 +261,16 @@ def _out_of_reach(q: Array, plan: Recipe, lib: Library, doubt: str) -> Finding:
         "(couplings included) and the offset of the zero under [position], both from the "
         "manufacturer; or the log is of another robot"
     )
-    return Finding(
-        "position_range",
-        ERROR,
+    sentence = (
         f"positions exceed the limits in every unit: {lib.joint_names[worst]} by "
-        f"{beyond[worst]:.3g}, the joints reach {reach}{doubt}; {what}",
-        {"reach": numbers(ratio), "beyond": numbers(beyond)},
+        f"{beyond[worst]:.3g}, the joints reach {reach}{doubt}; {what}"
     )
+    evidence = {"reach": numbers(ratio), "beyond": numbers(beyond)}
+    return Finding("position_range", ERROR, sentence, evidence)
 
 
 def gravity_mismatch(q: Array, tau: Array, lib: Library) -> float:
-    """E of `inspection.checks.joint_order` in the present order of the joints."""
+    """E of `column_faults.joint_order` in the present order of the joints."""
     take = np.linspace(0, len(q) - 1, ROWS).astype(int)
     return float(mismatches(q[take], tau[take], np.arange(lib.n_joints)[None], lib)[0])
 

@@ -31,115 +31,91 @@ class VendorSignal:
 
 
 _UR = r"(?<![a-z])ur(3|5|7|8|10|12|15|16|18|20|30)e?(?![a-z0-9])|shoulder_lift_joint.*wrist_3_joint"
-_KINOVA = r"kinova|gen3|kortex|jaco|\bj2[ns]"
-_PIPER = r"piper"
-_XARM = r"xarm|lite6|uf850"
 _UNKNOWN_GAIN = "read it in A without gain: identify estimates gains, symgen gains fixes them"
-SIGNALS = (
-    VendorSignal("UR RTDE", "actual_current", CURRENT, f"motor current in A; {_UNKNOWN_GAIN}"),
-    VendorSignal(
-        "UR RTDE", "joint_control_output", CURRENT, f"control current in A; {_UNKNOWN_GAIN}"
-    ),
-    VendorSignal(
-        "UR RTDE",
-        "actual_current_as_torque",
-        COMPENSATED,
-        "torque that the controller computes from currents (PolyScope 5.23/10.11 and later), "
-        "without gravity: 0 at rest without load; log actual_current instead",
-    ),
-    VendorSignal(
-        "UR RTDE",
-        "target_moment",
-        MODEL,
-        "torque of the controller's model, not a measurement; log actual_current",
-    ),
-    VendorSignal(
-        "UR RTDE",
-        "target_current",
-        MODEL,
-        "current of the controller's model, not a measurement; log actual_current",
-    ),
-    VendorSignal(
-        "UR ROS driver",
-        "effort",
-        CURRENT,
-        "motor current in A up to PolyScope 5.22/10.10 and with use_currents_as_efforts = true; "
-        "from 5.23/10.11 it may be a torque in N·m without gravity, which identifies no masses: "
-        f"check the driver's parameter. For currents, {_UNKNOWN_GAIN}",
-        _UR,
-    ),
-    VendorSignal(
-        "Franka", "tau_j", MEASURED, "torque of the sensors behind the gears in N·m, with gravity"
-    ),
-    VendorSignal(
-        "Franka",
-        "tau_j_d",
-        MODEL,
-        "commanded torque without the gravity that the robot adds; log tau_J",
-    ),
-    VendorSignal(
-        "Franka",
-        "tau_ext_hat_filtered",
-        COMPENSATED,
-        "estimate of the external torque: the model of the maker is subtracted; log tau_J",
-    ),
-    VendorSignal(
-        "Franka", "dtau_j", MODEL, "derivative of the torque in N·m/s, not a torque; log tau_J"
-    ),
-    VendorSignal(
-        "Kinova",
-        "current_motor",
-        CURRENT,
-        f"motor current in A; the Gen3 has torque sensors (torque), the Gen3 lite has none: "
-        f"{_UNKNOWN_GAIN}",
-    ),
-    VendorSignal(
-        "Kinova",
-        "joint_torques_gravity_free",
-        COMPENSATED,
-        "torque without the controller's gravity; log joint_torques",
-    ),
-    VendorSignal(
-        "Kinova",
-        "torque",
-        MEASURED,
-        "torque of the actuators' sensors in N·m, with offsets of its own: set the zero in the web "
-        "application or identify the column offset",
-        _KINOVA,
-    ),
-    VendorSignal(
-        "Kinova",
-        "effort",
-        MEASURED,
-        "torque of the actuators' sensors in N·m on the Gen3; the Gen3 lite has no sensors, and "
-        f"its values are scaled motor currents with unknown gains: there {_UNKNOWN_GAIN}",
-        _KINOVA,
-    ),
-    VendorSignal(
-        "xArm",
-        "effort",
-        CURRENT,
-        f"torque that the controller estimates from motor currents, as the arm has no torque "
-        f"sensors; its gains are unknown: {_UNKNOWN_GAIN}",
-        _XARM,
-    ),
-    VendorSignal(
-        "Piper",
-        "effort",
-        CURRENT,
-        "motor current times a constant (1.18125 for joints 1-3, 0.95844 for 4-6), in mN·m in the "
-        "SDK; firmware and documentation differ by a factor of 4 at joints 1-3, so that the gains "
-        f"are unknown: {_UNKNOWN_GAIN}",
-        _PIPER,
-    ),
-    VendorSignal(
-        "PAL TIAGo",
-        "effort",
-        CURRENT,
-        f"raw motor current, although the message states N·m; {_UNKNOWN_GAIN}",
-        r"tiago",
-    ),
-    VendorSignal("Piper", "current", CURRENT, f"motor current in mA; {_UNKNOWN_GAIN}", _PIPER),
+_LISTED: dict[tuple[str, str], dict[str, tuple[str, str]]] = {
+    ("UR RTDE", ""): {
+        "actual_current": (CURRENT, f"motor current in A; {_UNKNOWN_GAIN}"),
+        "joint_control_output": (CURRENT, f"control current in A; {_UNKNOWN_GAIN}"),
+        "actual_current_as_torque": (
+            COMPENSATED,
+            "torque that the controller computes from currents (PolyScope 5.23/10.11 and later), "
+            "without gravity: 0 at rest without load; log actual_current instead",
+        ),
+        "target_moment": (
+            MODEL,
+            "torque of the controller's model, not a measurement; log actual_current",
+        ),
+        "target_current": (
+            MODEL,
+            "current of the controller's model, not a measurement; log actual_current",
+        ),
+    },
+    ("UR ROS driver", _UR): {
+        "effort": (
+            CURRENT,
+            "motor current in A up to PolyScope 5.22/10.10 and with use_currents_as_efforts = "
+            "true; from 5.23/10.11 it may be a torque in N·m without gravity, which identifies no "
+            f"masses: check the driver's parameter. For currents, {_UNKNOWN_GAIN}",
+        )
+    },
+    ("Franka", ""): {
+        "tau_j": (MEASURED, "torque of the sensors behind the gears in N·m, with gravity"),
+        "tau_j_d": (MODEL, "commanded torque without the gravity that the robot adds; log tau_J"),
+        "tau_ext_hat_filtered": (
+            COMPENSATED,
+            "estimate of the external torque: the model of the maker is subtracted; log tau_J",
+        ),
+        "dtau_j": (MODEL, "derivative of the torque in N·m/s, not a torque; log tau_J"),
+    },
+    ("Kinova", ""): {
+        "current_motor": (
+            CURRENT,
+            "motor current in A; the Gen3 has torque sensors (torque), the Gen3 lite has none: "
+            f"{_UNKNOWN_GAIN}",
+        ),
+        "joint_torques_gravity_free": (
+            COMPENSATED,
+            "torque without the controller's gravity; log joint_torques",
+        ),
+    },
+    ("Kinova", r"kinova|gen3|kortex|jaco|\bj2[ns]"): {
+        "torque": (
+            MEASURED,
+            "torque of the actuators' sensors in N·m, with offsets of its own: set the zero in the "
+            "web application or identify the column offset",
+        ),
+        "effort": (
+            MEASURED,
+            "torque of the actuators' sensors in N·m on the Gen3; the Gen3 lite has no sensors, "
+            "and its values are scaled motor currents with unknown gains: there "
+            f"{_UNKNOWN_GAIN}",
+        ),
+    },
+    ("xArm", r"xarm|lite6|uf850"): {
+        "effort": (
+            CURRENT,
+            "torque that the controller estimates from motor currents, as the arm has no torque "
+            f"sensors; its gains are unknown: {_UNKNOWN_GAIN}",
+        )
+    },
+    ("Piper", r"piper"): {
+        "effort": (
+            CURRENT,
+            "motor current times a constant (1.18125 for joints 1-3, 0.95844 for 4-6), in mN·m in "
+            "the SDK; firmware and documentation differ by a factor of 4 at joints 1-3, so that "
+            f"the gains are unknown: {_UNKNOWN_GAIN}",
+        ),
+        "current": (CURRENT, f"motor current in mA; {_UNKNOWN_GAIN}"),
+    },
+    ("PAL TIAGo", r"tiago"): {
+        "effort": (CURRENT, f"raw motor current, although the message states N·m; {_UNKNOWN_GAIN}")
+    },
+}
+"""Maker and pattern of the robot → title of the column → its meaning, and what to do."""
+SIGNALS = tuple(
+    VendorSignal(vendor, title, *known, robots)
+    for (vendor, robots), listed in _LISTED.items()
+    for title, known in listed.items()
 )
 
 
@@ -178,8 +154,5 @@ def vendor_torque(plan: Recipe, lib: Library, is_drafted: bool) -> tuple[Recipe,
             unit = "mA" if plan.torque.unit == "mA" else "A"
             plan = plan.replace(torque=replace(plan.torque, unit=unit, gain=None))
     evidence = {"vendor": known.vendor, "signal": known.title, "meaning": known.meaning}
-    return plan, [
-        Finding(
-            "vendor_signal", level, f"{known.vendor}: '{known.title}' is {known.sentence}", evidence
-        )
-    ]
+    sentence = f"{known.vendor}: '{known.title}' is {known.sentence}"
+    return plan, [Finding("vendor_signal", level, sentence, evidence)]

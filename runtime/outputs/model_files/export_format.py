@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from runtime.common.files import replacing, replacing_folder
+from runtime.common.files import replacing_folder, write_text
 from runtime.errors import ExportError
 from runtime.library import Library
 from runtime.outputs.model_files.model import IdentifiedModel
@@ -48,11 +48,11 @@ EXPORT_FORMATS = Registry(
         "mjcf": f"{_FORMATS}.mjcf:MJCF",
         "sdf": f"{_FORMATS}.sdf:SDF",
         "usd": f"{_FORMATS}.usd:USD",
-        "inertials": f"{_FORMATS}.inertials:INERTIALS",
-        "actuators": f"{_FORMATS}.actuators:ACTUATORS",
+        "inertials": f"{_FORMATS}.yaml_files:INERTIALS",
+        "actuators": f"{_FORMATS}.yaml_files:ACTUATORS",
         "ros2": f"{_FORMATS}.ros2:ROS2",
-        "gravity": f"{_FORMATS}.gravity:GRAVITY",
-        "friction": f"{_FORMATS}.inertials:FRICTION",
+        "gravity": f"{_FORMATS}.header:GRAVITY",
+        "friction": f"{_FORMATS}.yaml_files:FRICTION",
         "header": f"{_FORMATS}.header:HEADER",
         "casadi": f"{_FORMATS}.casadi:CASADI",
     },
@@ -77,10 +77,8 @@ def require_base(lib: Library, chosen: ExportFormat) -> None:
 def save(path: Path, written: str | Mapping[str, str]) -> None:
     """Write what `ExportFormat.write` returned; file and folder appear complete or not at all."""
     if isinstance(written, str):
-        with replacing(path) as file:
-            file.write(written.encode())
+        write_text(path, written)
         return
     with replacing_folder(path) as folder:
         for place, text in written.items():
-            with replacing(folder / place) as file:
-                file.write(text.encode())
+            write_text(folder / place, text)

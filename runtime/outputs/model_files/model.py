@@ -9,11 +9,16 @@ from runtime.errors import ExportError, ShapeError
 from runtime.identification.metrics import CONSISTENCY_TOLERANCE
 from runtime.library import Array, Library
 from runtime.library.manifest import Manifest
-from runtime.outputs.model_files.bodies import RigidBody, body_of, row, smallest_eigenvalue
-from runtime.outputs.model_files.drives import Drives
 from runtime.outputs.model_files.engines.answer import STATES
-from runtime.outputs.model_files.joint_friction import JointFriction, joint_friction
-from runtime.outputs.model_files.urdf_tree import Tree, read_tree
+from runtime.outputs.model_files.joint_friction import Drives, JointFriction, joint_friction
+from runtime.outputs.model_files.urdf_tree import (
+    RigidBody,
+    Tree,
+    body_of,
+    read_tree,
+    row,
+    smallest_eigenvalue,
+)
 from runtime.recording import Friction
 
 

@@ -20,13 +20,9 @@ def compare_reloaded(model: IdentifiedModel, reloaded: Reloaded | None, install:
         return unchecked(install)
     lib = model.lib
     expected = lib.inverse_dynamics(*random_states(lib, len(reloaded.tau)), model.pi)
-    difference = torque_difference(reloaded.tau, expected)
-    if not difference <= TOLERANCE:
-        raise ExportError(
-            f"not written: reloaded by {reloaded.engine}, the file gives torques that differ by "
-            f"{difference:.1e} of the largest torque, where {TOLERANCE:g} is allowed; "
-            f"{_cause(lib, model.pi, reloaded.pi)}"
-        )
+    what = f"reloaded by {reloaded.engine}, the file gives torques that differ"
+    cause = _cause(lib, model.pi, reloaded.pi)
+    difference = require_torques(reloaded.tau, expected, what, cause)
     for quantity in ("damping", "friction", "armature"):
         read = getattr(reloaded, quantity)
         for k, value in enumerate(getattr(model.friction, quantity) if read is not None else ()):
@@ -45,6 +41,17 @@ def torque_difference(tau: Array, expected: Array) -> float:
     tau (N, n) [N·m, N], expected (N, n) [N·m, N].
     """
     return float(np.abs(tau - expected).max() / np.abs(expected).max())
+
+
+def require_torques(tau: Array, expected: Array, what: str, remedy: str) -> float:
+    """Difference of two torque arrays that is rounding; else what differs, and the remedy."""
+    difference = torque_difference(tau, expected)
+    if not difference <= TOLERANCE:
+        raise ExportError(
+            f"not written: {what} by {difference:.1e} of the largest torque, where {TOLERANCE:g} "
+            f"is allowed; {remedy}"
+        )
+    return difference
 
 
 def verified(engine: str, difference: float, states: int = STATES) -> str:

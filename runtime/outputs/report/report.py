@@ -1,21 +1,430 @@
 """Result folder → `report.html`: one file without network access, reproducible byte for byte.
 
-`result` reads and checks, `sections` makes sentences and tables, `figures` draws, `page` renders.
-A comparison of methods in the folder is appended; without `result.json` it is the whole page.
+`result` reads and checks, `figures` draws, `page` renders; sentences, tiles and tables with rounded
+numbers are made here. Mirrored limbs are one table, uncertainties two: σ per link, and residuals
+per joint. A comparison of methods in the folder is appended; without `result.json` it is the whole
+page.
 """
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 
+import numpy as np
+
+from runtime.common.tables import NOTHING, Table, number, percent, significant
 from runtime.common.terminal import as_typed
 from runtime.errors import ExportError
+from runtime.estimators.regression.samples import NORMAL_95
+from runtime.identification.result_record import (
+    MirroredPair,
+    ResultRecord,
+    SessionsPart,
+    UncertaintyPart,
+)
+from runtime.identification.result_tables import error_table, is_consistent, link_table, share_table
+from runtime.identification.saved_result import read_record
+from runtime.identification.statistics_file import read_predictions
+from runtime.library import Array
+from runtime.library.parameters import PI_NAMES
 from runtime.outputs.report.comparison import comparison_page, method_sections, read_methods
-from runtime.outputs.report.page import Page, write_page
-from runtime.outputs.report.result import Result, read_result
-from runtime.outputs.report.sections import GLOSSARY, headline, sections, tiles
+from runtime.outputs.report.figures import convergence, mass_change, torques
+from runtime.outputs.report.page import Page, Section, Tile, write_page
+from runtime.recording.friction.columns import DAHL
+from runtime.recording.settings import COLUMNS
 from runtime.registry import Registry
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """Content of the result folder of one identification.
+
+    Torques over the test part, measured, before and after (N, r), at the instants t (N,) [s].
+    """
+
+    record: ResultRecord
+    t: Array
+    measured: Array
+    before: Array
+    after: Array
+
+
+def read_result(folder: Path) -> Result:
+    """Read a result folder."""
+    record = read_record(folder / "result.json")
+    shape = (len(record.rows_of_errors[0]),)
+    return Result(record, **read_predictions(folder, measured=shape, before=shape, after=shape))
+
+
+def several_logs_sections(logs: SessionsPart, links: Sequence[str]) -> tuple[Section, ...]:
+    """Tables of the leave-one-log-out errors and of the repeatability."""
+    repeated = logs.repeatability
+    columns = (*repeated.masses, repeated.mass_spread)
+    rows = tuple(
+        (link, *(f"{masses[k]:.4f}" for masses in columns)) for k, link in enumerate(links)
+    )
+    return (
+        Section(
+            "Leave-one-log-out prediction",
+            "Torque error over a whole log, predicted by the fit of all other logs with their mean "
+            "offset or with the offset of this log. For comparison: the URDF, and a fit of this "
+            "log alone.",
+            left_out_table(logs),
+        ),
+        Section(
+            "Repeatability",
+            f"Masses [kg] identified from each log alone. {repeated.sentence[:1].upper()}"
+            f"{repeated.sentence[1:]}.",
+            Table(("link", *(each.name for each in logs.leave_one_out), "spread"), rows),
+        ),
+    )
+
+
+def left_out_table(logs: SessionsPart) -> Table:
+    """Torque errors of every log by the fit of all others, and for comparison."""
+    head = ("log", "payload [kg]", "URDF", "other logs", "with its offset", "this log alone")
+    rows = (
+        (
+            each.name,
+            f"{payload:.3g}",
+            *(
+                percent(x, 3)
+                for x in (
+                    each.before_overall,
+                    each.after_overall,
+                    each.log_offset_overall,
+                    each.single_log_overall,
+                )
+            ),
+        )
+        for each, payload in zip(logs.leave_one_out, logs.payload_kg, strict=True)
+    )
+    return Table(head, tuple(rows))
+
+
+GLOSSARY = (
+    ("torque error", "100 ‖measured − predicted‖ / ‖measured‖ over the test split, per joint"),
+    ("before, after", "prediction by the URDF without friction; by all identified parameters"),
+    ("test split", "samples that neither the fit nor its stopping rule used"),
+    ("consistent", "some body of positive density has these parameters: P ⪰ 0"),
+    ("P", "pseudo-inertia of a link, 4×4; λ_min(P)/tr P < 0 is physically inconsistent"),
+    ("gap", "(loss − optimum) / optimum, with the certified optimum of the convex problem"),
+)
+
+
+# --- summary --------------------------------------------------------------------------------
+
+
+def headline(result: ResultRecord) -> str:
+    """Torque errors and physical consistency of a result in one sentence."""
+    before, after = _overall(result)
+    if math.isnan(before) or math.isnan(after):
+        change = f"is {percent(after)} (before: {percent(before)})"
+    elif percent(before) == percent(after):
+        change = f"is unchanged at {percent(after)}"
+    else:
+        verb = "decreased" if after < before else "increased"
+        change = f"{verb} from {percent(before)} to {percent(after)}"
+    end = "all links are physically consistent" if result.consistent else _inconsistent(result)
+    part = (
+        "training data (no test split)"
+        if result.recording.samples.get("test") == 0
+        else "test split"
+    )
+    return f"The torque error on the {part} {change}; {end}."
+
+
+def _inconsistent(result: ResultRecord) -> str:
+    bad = [link.name for link in result.links if not is_consistent(link)]
+    return f"not physically consistent: {', '.join(bad) or 'at least one link'}"
+
+
+def tiles(result: ResultRecord) -> tuple[Tile, ...]:
+    """The four numbers of the summary."""
+    before, after = _overall(result)
+    eigenvalues = (_value(link.min_relative_eigenvalue) for link in result.links)
+    smallest = min(eigenvalues, default=math.nan)
+    gap = result.gap_to_convex_optimum
+    shown = "not computed" if gap is None else f"{significant(100 * gap, 3)}\N{NO-BREAK SPACE}%"
+    effort = NOTHING if result.seconds is None else f"{result.seconds:.3g} s"
+    counted = "computing time" if result.iterations is None else f"{result.iterations} iterations"
+    return (
+        Tile(
+            "Torque error, overall",
+            f"{percent(before)} → {percent(after)}",
+            "test split, before → after",
+            "good" if before > after else "bad" if before < after else "plain",
+        ),
+        Tile(
+            "Physically consistent",
+            "yes" if result.consistent else "no",
+            f"smallest λ_min(P)/tr P: {smallest:.1e}",
+            "good" if result.consistent else "bad",
+        ),
+        Tile("Gap to the convex optimum", shown, "(loss − optimum) / optimum"),
+        Tile("Computing time", effort, counted),
+    )
+
+
+def sections(result: Result) -> tuple[Section, ...]:
+    """Sections of the page below the summary, in their order."""
+    record = result.record
+    links = tuple(link.name for link in record.links)
+    first, last = (
+        [section for make in makers if (section := make(record)) is not None]
+        for makers in (_FIRST, _LAST)
+    )
+    uncertain = (
+        ()
+        if record.uncertainty is None
+        else uncertainty_sections(record.uncertainty, record.joints, links)
+    )
+    several = () if record.sessions is None else several_logs_sections(record.sessions, links)
+    before = (*first[:-1], _torques(result), first[-1])
+    return (*before, *several, *sides_section(record.symmetric), *uncertain, *last)
+
+
+# --- sections -------------------------------------------------------------------------------
+
+
+def _errors(result: ResultRecord) -> Section:
+    return Section(
+        "Torque error per joint",
+        "On the test split, before (URDF without friction) and after (all identified parameters).",
+        error_table(*result.rows_of_errors, result.torque_error_percent, result.torque_rms),
+    )
+
+
+def _shares(result: ResultRecord) -> Section | None:
+    table = share_table(result)
+    if table is None:
+        return None
+    return Section(
+        "Share of friction and inertia",
+        "The step from the first to the second row is due to friction alone, the step to the third "
+        "to the inertial parameters.",
+        table,
+    )
+
+
+def _torques(result: Result) -> Section:
+    p = result
+    names, units = result.record.rows_of_errors
+    drawn = torques(names, [_unit(unit) for unit in units], p.t, p.measured, p.before, p.after)
+    return Section(
+        "Measured and predicted torque",
+        "Left: torque over the test split. Right: measured minus predicted torque.",
+        figure=drawn,
+    )
+
+
+def _consistency(result: ResultRecord) -> Section:
+    return Section(
+        "Physical consistency per link",
+        "A motion determines the base parameters, which combine several links. The mass or the "
+        "centre of mass of a single link may therefore be uncertain although the torques are "
+        "predicted well.",
+        link_table(result.links),
+    )
+
+
+def _masses(result: ResultRecord) -> Section | None:
+    if not result.links:
+        return None
+    known = result.uncertainty
+    drawn = mass_change(
+        [link.name for link in result.links],
+        np.array([link.mass_before for link in result.links]),
+        np.array([link.mass for link in result.links]),
+        None if known is None else np.array([link.mass_sigma for link in known.links]),
+    )
+    return Section("Change of mass", figure=drawn)
+
+
+def _friction(result: ResultRecord) -> Section | None:
+    if result.friction is None:
+        return None
+    friction = result.friction
+    rows = tuple(
+        (joint, *(number(value) for value in values))
+        for joint, values in zip(result.joints, friction.values, strict=True)
+    )
+    coupled = any(name in COLUMNS and COLUMNS[name].of_motors for name in friction.columns)
+    sign = f" The smooth sign of the velocity is tanh(dq / {friction.coulomb_speed:g})."
+    if DAHL.name in friction.columns:
+        sign = " After a reversal dahl goes from −1 to 1 within a short travel."
+    motors = " Columns motor_… belong to motors; a motor acts on all joints that it drives."
+    return Section(
+        "Friction",
+        "Coefficients in the unit of the joint torque, viscous coefficients per rad/s (m/s)."
+        f"{sign}{motors if coupled else ''}",
+        Table(("joint", *map(_unit, friction.columns)), rows),
+    )
+
+
+def _convergence(result: ResultRecord) -> Section | None:
+    if result.convergence is None or not result.convergence.iteration:
+        return None
+    c = result.convergence
+    none = (None,) * len(c.iteration)
+    losses = (np.array(list(map(_value, x))) for x in (c.training, c.validation or none))
+    return Section("Convergence", figure=convergence(np.array(c.iteration), *losses))
+
+
+def _preparation(result: ResultRecord) -> Section:
+    recording = result.recording
+    counts = ", ".join(f"{count} {name}" for name, count in recording.samples.items())
+    length = "" if recording.duration is None else f"{recording.duration:.4g} s of motion. "
+    lead = f"{length}Samples: {counts or 'not recorded'}. {recording.split}".strip()
+    return Section("Data preparation", lead, items=recording.history or ("no step was recorded",))
+
+
+def _provenance(result: ResultRecord) -> Section:
+    p = result.provenance
+    weights = ", ".join(number(w) for w in result.weights)
+    condition = None if result.condition_number is None else f"{result.condition_number:.3g}"
+    rows = (
+        ("command", p.command),
+        ("seed", None if p.seed is None else str(p.seed)),
+        ("model hash", p.model_hash),
+        *((f"version of {tool}", version) for tool, version in sorted(p.versions.items())),
+        *((f"SHA-256 of {name}", digest) for name, digest in sorted(p.files.items())),
+        ("condition number, columns normalised", condition),
+        ("weights per joint", weights),
+    )
+    table = Table(("quantity", "value"), tuple((a, b or NOTHING) for a, b in rows), kind="facts")
+    return Section("Provenance", table=table)
+
+
+# --- numbers as text -----------------------------------------------------------------------
+
+
+def _overall(result: ResultRecord) -> tuple[float, float]:
+    """Errors of all joints together before and after [%]."""
+    shares = result.torque_error_percent
+    return _value(shares.before_overall), _value(shares.after_overall)
+
+
+def _value(value: float | None) -> float:
+    """A number of the file; NaN for null."""
+    return math.nan if value is None else value
+
+
+def _unit(unit: str) -> str:
+    return unit.replace("*", "·")
+
+
+_FIRST: tuple[Callable[[ResultRecord], Section | None], ...] = (_errors, _shares, _consistency)
+"""Sections before those on several logs and uncertainty."""
+_LAST: tuple[Callable[[ResultRecord], Section | None], ...] = (
+    _masses,
+    _friction,
+    _convergence,
+    _preparation,
+    _provenance,
+)
+
+
+def sides_section(pairs: tuple[MirroredPair, ...] | None) -> tuple[Section, ...]:
+    """The section; none without pairs."""
+    if not pairs:
+        return ()
+    return (
+        Section(
+            "Left and right",
+            "Values of mirrored joints with their 95 % intervals; friction is viscous and Coulomb. "
+            "The distance is in standard deviations of the difference. Pairs that disagree are "
+            "explained among the warnings.",
+            Table(
+                ("left", "right", "quantity", "value left", "value right", "agree"),
+                tuple(map(_row, pairs)),
+            ),
+        ),
+    )
+
+
+def _row(pair: MirroredPair) -> tuple[str, ...]:
+    sides = [
+        ", ".join(f"{v:.4g} ± {NORMAL_95 * s:.2g}" for v, s in zip(values, sigma, strict=True))
+        for values, sigma in zip(pair.values, pair.sigma, strict=True)
+    ]
+    verdict = "yes" if pair.agrees else "no"
+    return (pair.left, pair.right, pair.quantity, *sides, f"{verdict} ({pair.distance:.1f} σ)")
+
+
+def _percent(share: float | None) -> str:
+    return (
+        "any" if share is None or share >= 1 else f"{significant(100 * share)}\N{NO-BREAK SPACE}%"
+    )
+
+
+def _named(verdicts: tuple[str, ...], word: str) -> str:
+    """Names of the parameters with a verdict."""
+    names = [name for name, each in zip(PI_NAMES, verdicts, strict=True) if each == word]
+    return " ".join(names) or "–"
+
+
+def uncertainty_sections(
+    s: UncertaintyPart, joints: tuple[str, ...], links: tuple[str, ...]
+) -> tuple[Section, ...]:
+    """Tables of the σ of the links and of the residuals."""
+    words = ("identified", "prior-dominated", "unobservable")
+    of_links = tuple(
+        (
+            name,
+            f"{link.mass_sigma:.3g}",
+            "–" if link.com_sigma is None else f"{1e3 * float(np.max(link.com_sigma)):.2g}",
+            *(_named(link.verdicts, word) for word in words),
+        )
+        for name, link in zip(links, s.links, strict=True)
+    )
+    of_joints = tuple(
+        (
+            joint,
+            f"{noise:.3g}",
+            f"{band:.2g}",
+            f"{100 * white:.0f}\N{NO-BREAK SPACE}%",
+            *((_percent(s.detectable_gain_error[k]),) if s.detectable_gain_error else ()),
+        )
+        for k, (joint, noise, band, white) in enumerate(
+            zip(joints if s.noise else (), s.noise, s.model_band, s.white_lag_share, strict=True)
+        )
+    )
+    heads: tuple[str, ...] = (
+        "joint",
+        "residual RMS",
+        "model σ",
+        "lags within the white-noise band",
+    )
+    hidden = ""
+    if s.detectable_gain_error:
+        heads = (*heads, "gain error that may go unnoticed")
+        hidden = (
+            " Last column: a torque gain that is wrong by up to this share, relative to the other "
+            "joints, may leave no trace in such a log."
+        )
+    advice = as_typed(s.advice)
+    edge = " A link is close to the limit of physical consistency." if s.boundary else ""
+    sections = (
+        Section(
+            "Uncertainty of the links",
+            f"{advice[:1].upper()}{advice[1:]}.{edge} σ is computed with the URDF as "
+            "prior. A parameter is identified where the data reduce its prior variance at least "
+            "tenfold: its interval is that of the log. Prior-dominated parameters keep the value "
+            "and uncertainty of the URDF, and unobservable ones have no effect on the torque.",
+            Table(("link", "σ mass [kg]", "σ CoM [mm]", *words), of_links),
+        ),
+        Section(
+            "Residuals",
+            f"Effective sample size of the training residuals: {s.n_eff:.0f} (variance inflation "
+            f"{s.inflation:.1f}). Model σ: standard deviation of the torque due to uncertain "
+            f"parameters.{hidden}",
+            Table(heads, of_joints),
+        ),
+    )
+    return sections if s.noise else sections[:1]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

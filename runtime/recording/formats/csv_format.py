@@ -19,7 +19,7 @@ from runtime.recording.formats.log_format import (
     LogRows,
     require_whole_columns,
 )
-from runtime.recording.formats.tables import Columns, FloatArray, LogTable, Spool
+from runtime.recording.formats.tables import Columns, FloatArray, LogTable, Spool, SpooledRows
 from runtime.recording.formats.text_tables import (
     cells_of,
     csv_table,
@@ -90,7 +90,7 @@ class TextReader(LogReader):
     def rows(self, parts: Mapping[str, Signal | Time]) -> LogRows:
         """Rows of the columns, parsed once."""
         require_whole_columns(parts, self.raw.name)
-        return CsvRows(self.raw.hashed(), {kind: part.columns for kind, part in parts.items()})
+        return _spooled(self.raw.hashed(), {kind: part.columns for kind, part in parts.items()})
 
     def head(self) -> list[list[str]]:
         """Cells of the first lines that are not blank."""
@@ -110,30 +110,14 @@ class FlatReader(TextReader):
         return flat_table(self.text(), part.width, self.raw.name)
 
 
-class CsvRows:
-    """Columns of a CSV as rows of numbers, parsed once into a spool; a corrupt line is NaN.
-
-    Raises:
-        RecordingError: no such columns, no text, or no room for the numbers.
-    """
-
-    def __init__(self, path: Path, kinds: Mapping[str, Columns]) -> None:
-        ends = np.cumsum([0, *(len(columns) for columns in kinds.values())])
-        self._places = {
-            kind: slice(a, b) for kind, a, b in zip(kinds, ends, ends[1:], strict=False)
-        }
-        self._width = int(ends[-1])
-        self._spool = Spool(path.name)
-        columns = tuple(column for each in kinds.values() for column in each)
-        for values in _parsed(path, columns):
-            self._spool.append(values)
-        self.count = self._spool.size // self._width
-
-    def read(self, start: int, stop: int) -> dict[str, FloatArray]:
-        """Rows start … stop of every kind of signal."""
-        count = (stop - start) * self._width
-        values = self._spool.read(start * self._width, count).reshape(-1, self._width)
-        return {kind: values[:, place] for kind, place in self._places.items()}
+def _spooled(path: Path, kinds: Mapping[str, Columns]) -> SpooledRows:
+    """Columns of a CSV as rows of numbers, parsed once into a spool; a corrupt line is NaN."""
+    ends = np.cumsum([0, *(len(columns) for columns in kinds.values())])
+    places = {kind: slice(a, b) for kind, a, b in zip(kinds, ends, ends[1:], strict=False)}
+    spool = Spool(path.name)
+    for values in _parsed(path, tuple(column for each in kinds.values() for column in each)):
+        spool.append(values)
+    return SpooledRows(spool, int(ends[-1]), places)
 
 
 def _parsed(path: Path, columns: Columns) -> Iterator[FloatArray]:

@@ -22,6 +22,7 @@ from runtime.recording.formats.log_format import (
     RawFile,
     imported,
     require_whole_columns,
+    undamaged,
 )
 from runtime.recording.formats.tables import (
     EXPANSION,
@@ -170,16 +171,8 @@ class HdfLog:
                     f"{name} is expected to be a MATLAB 7.3 file, but is of an older version; "
                     "save it in MATLAB with save(…, '-v7.3')"
                 )
-        try:
-            with h5py.File(self.path, "r") as file:
-                yield file
-        except RecordingError:
-            raise
-        except Exception as error:  # h5py raises OSError, RuntimeError, KeyError, ValueError …
-            raise RecordingError(
-                f"{name} is expected to be an HDF5 file, but it is truncated, damaged or another "
-                f"file ({type(error).__name__}); copy or export it again"
-            ) from error
+        with undamaged(name, "an HDF5 file"), h5py.File(self.path, "r") as file:
+            yield file  # h5py raises OSError, RuntimeError, KeyError, ValueError …
 
 
 class HdfRows:

@@ -1,25 +1,102 @@
-"""A log format: the record that selects it, and the base class of its readers.
+"""A log format: the record that selects it, the base class of its readers, and their raw files.
 
 A format is one module with a `LogFormat` and a `LogReader`, and one line in `formats.FORMATS` (or
 an entry point of the group "symgen.log_formats"). A reader returns numbers as they lie in the file;
-units, signs, order and gear are applied later, by the recipe.
+units, signs, order and gear are applied later, by the recipe. A large raw file is hashed while its
+rows are read and used.
 """
 
+import hashlib
 import importlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from threading import Thread
 from types import ModuleType
-from typing import IO, Protocol
+from typing import IO, Any, Protocol
 
 from numpy.typing import NDArray
 
 from runtime.common.files import require_file
 from runtime.errors import RecordingError
-from runtime.recording.formats.digests import Digests, reading
 from runtime.recording.formats.tables import FloatArray, LogTable
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 from runtime.recording.recording import Recording
+
+SMALL = 2**24
+"""Size up to which a file is hashed at once [bytes]."""
+
+
+class Digests(Mapping[str, str]):
+    """File name → SHA-256; reading an entry waits until its file is hashed.
+
+    Pickled and copied it is a plain dict.
+    """
+
+    def __init__(self) -> None:
+        self._entries: dict[str, str | tuple[Path, Future[str]]] = {}
+
+    def of_bytes(self, name: str, data: bytes) -> None:
+        """Hash bytes that are in memory."""
+        self._entries[name] = hashlib.sha256(data).hexdigest()
+
+    def of_file(self, name: str, path: Path) -> None:
+        """Hash a file, a large one in a thread of its own."""
+        with reading(path):
+            size = require_file(path).stat().st_size
+            file = path.open("rb")
+        digest: Future[str] = Future()
+        self._entries[name] = path, digest
+
+        def run() -> None:
+            try:
+                with file:
+                    digest.set_result(hashlib.file_digest(file, "sha256").hexdigest())
+            except OSError as error:
+                digest.set_exception(error)
+
+        if size > SMALL:
+            Thread(target=run, daemon=True).start()  # a program that ends early does not wait
+        else:
+            run()
+            self[name]  # an error of the disk is raised here
+
+    def __getitem__(self, name: str) -> str:
+        entry = self._entries[name]
+        if isinstance(entry, tuple):
+            path, digest = entry
+            with reading(path):
+                self._entries[name] = entry = digest.result()
+        return entry
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._entries
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._entries)
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+    def __repr__(self) -> str:
+        return repr(dict(self))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return dict, (dict(self),)
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Turn an operating system's refusal to read a file into one sentence."""
+    try:
+        yield
+    except OSError as error:
+        raise RecordingError(
+            f"cannot read {path.name} in {path.parent} ({error.strerror}); "
+            "check the path, or the file names in the recipe"
+        ) from error
 
 
 def imported(module: str, kind: str) -> ModuleType:
@@ -195,6 +272,20 @@ def require_whole_columns(parts: Mapping[str, Signal | Time], name: str) -> None
             f"{name} is streamed by whole arrays and columns, but the recipe picks numbers from "
             "arrays or cells; read it as a whole with --settings stream=false"
         )
+
+
+@contextmanager
+def undamaged(name: str, kind: str) -> Iterator[None]:
+    """Turn whatever a library raises on a damaged file into one sentence; kind: "an HDF5 file"."""
+    try:
+        yield
+    except RecordingError:
+        raise
+    except Exception as error:
+        raise RecordingError(
+            f"{name} is expected to be {kind}, but it is truncated, damaged or another file "
+            f"({type(error).__name__}); copy or export it again"
+        ) from error
 
 
 def raw_bytes(path: Path) -> bytes:

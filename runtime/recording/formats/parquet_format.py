@@ -6,7 +6,7 @@ cell of q is a list of n numbers. Nothing but numbers is decoded.
 
 from collections import deque
 from collections.abc import Iterator, Mapping
-from contextlib import closing, contextmanager
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -15,7 +15,7 @@ import numpy as np
 
 from runtime.common.files import require_file
 from runtime.errors import RecordingError
-from runtime.recording.formats.log_format import LogFormat, LogReader, LogRows, imported
+from runtime.recording.formats.log_format import LogFormat, LogReader, LogRows, imported, undamaged
 from runtime.recording.formats.tables import EXPANSION, SLACK, Columns, FloatArray, LogTable
 from runtime.recording.recipes.default_convention import (
     KINDS,
@@ -28,6 +28,7 @@ from runtime.recording.recording import Recording
 
 __all__ = ["rows_of"]
 
+KIND = "a Parquet file"
 BATCH = 65536
 
 MOST_CELLS = 5_000_000
@@ -51,7 +52,7 @@ class ParquetLog:
         self.name = path.name
         pq = imported("pyarrow.parquet", "Parquet")
         size = path.stat().st_size
-        with _sentences(self.name):
+        with undamaged(self.name, KIND):
             self._file = pq.ParquetFile(path, pre_buffer=False, buffer_size=BUFFER)
             self.rows = int(self._file.metadata.num_rows)
             self.columns = tuple(self._file.schema_arrow.names)
@@ -111,7 +112,7 @@ class ParquetLog:
     def batches(self, columns: tuple[str, ...], first_row: int = 0) -> Iterator["Batch"]:
         """Yield batches of rows, beginning with the first row of a row group."""
         self._require(columns)
-        with _sentences(self.name):
+        with undamaged(self.name, KIND):
             groups = range(int(np.searchsorted(self._starts, first_row)), len(self._starts) - 1)
             for batch in self._file.iter_batches(
                 BATCH,
@@ -162,7 +163,7 @@ class Batch:
     def blocks(self, columns: tuple[str, ...]) -> list[FloatArray]:
         """Numbers (N, m) of every column, m = 1 where it holds no lists; null is NaN."""
         types = imported("pyarrow.types", "Parquet")
-        with _sentences(self.name):
+        with undamaged(self.name, KIND):
             return [self._block(column, types) for column in columns]
 
     def _block(self, column: str, types: Any) -> FloatArray:
@@ -183,7 +184,7 @@ def rows_of(path: Path) -> tuple[dict[bytes, bytes], list[dict[str, Any]]]:
     """Metadata of a small table, and its rows."""
     pq = imported("pyarrow.parquet", "Parquet")
     with (
-        _sentences(path.name),
+        undamaged(path.name, KIND),
         pq.ParquetFile(require_file(path), page_checksum_verification=True) as file,
     ):
         cells = file.metadata.num_rows * file.metadata.num_columns
@@ -227,20 +228,6 @@ def _is_even(cells: Any, width: int, types: Any) -> bool:
     if types.is_fixed_size_list(cells.type):
         return True
     return bool((np.diff(np.asarray(cells.offsets)) == width).all())
-
-
-@contextmanager
-def _sentences(name: str) -> Iterator[None]:
-    """Turn the exceptions of pyarrow on a damaged file into one sentence."""
-    try:
-        yield
-    except RecordingError:
-        raise
-    except Exception as error:
-        raise RecordingError(
-            f"{name} is expected to be a Parquet file, but it is truncated, damaged or another "
-            f"file ({type(error).__name__}); copy or export it again"
-        ) from error
 
 
 class ParquetRows:

@@ -89,3 +89,23 @@ class Spool:
         """Numbers from a place on."""
         self._file.seek(8 * start)
         return np.frombuffer(self._file.read(8 * count), dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class SpooledRows:
+    """Numbers of a spool as rows of several signals."""
+
+    spool: Spool  # row by row
+    width: int  # of a row
+    places: dict[str, slice]  # kind → its columns
+
+    @property
+    def count(self) -> int:
+        """Number of rows."""
+        return self.spool.size // self.width
+
+    def read(self, start: int, stop: int) -> dict[str, FloatArray]:
+        """Rows start … stop of every kind of signal."""
+        rows = self.spool.read(start * self.width, (stop - start) * self.width)
+        table = rows.reshape(-1, self.width)
+        return {kind: table[:, place] for kind, place in self.places.items()}

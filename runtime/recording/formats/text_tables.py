@@ -13,7 +13,7 @@ from array import array
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import chain, islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -241,8 +241,7 @@ def _check_widths(widths: Counter[int], expected: int, name: str) -> None:
 
 def lines_of(text: str) -> Iterator[str]:
     """Lines of a text as `splitlines` divides it, in pieces."""
-    for piece in _pieces(text, 0, PIECE):
-        yield from piece.splitlines()
+    return chain.from_iterable(piece.splitlines() for piece in _pieces(text, 0, PIECE))
 
 
 def behind(text: str, count: int) -> int:
@@ -298,15 +297,10 @@ def plain_rows(text: str, form: RowForm) -> FloatArray | None:
 
 def plain_numbers(text: str) -> FloatArray | None:
     """Numbers of a text with one in each line; None for any other."""
-
-    def lines() -> Iterator[str]:
-        for line in lines_of(text):
-            if not line.strip():  # NumPy skips it
-                raise ValueError
-            yield line
-
-    numbers = _by_numpy(lines(), ",", None)
-    return None if numbers is None or numbers.shape[1] != 1 else numbers[:, 0]
+    numbers = None if text.isspace() else _by_numpy(lines_of(text), ",", None)
+    count = sum(len(piece.splitlines()) for piece in _pieces(text, 0, PIECE))
+    # NumPy skips empty lines, so that fewer numbers than lines are another text.
+    return None if numbers is None or numbers.shape != (count, 1) else numbers[:, 0]
 
 
 def _by_numpy(

@@ -22,13 +22,13 @@ from runtime.errors import RecordingError
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.friction.model import add_columns, completed, renewed_rotor
-from runtime.recording.preprocessing.clock_repair import repair_clock
 from runtime.recording.preprocessing.filters import low_pass, moving_average, savitzky_golay
 from runtime.recording.preprocessing.segments import (
     advance_torque,
     decimate,
     differentiate,
     drop_rest,
+    repair_clock,
     resample,
     segments,
     trim,
@@ -269,7 +269,8 @@ def balanced(
             for k, (name, speed) in enumerate(zip(data.column_names, speeds, strict=True))
         ]
         changes["columns"] = np.stack(columns, axis=-1)
-    inner = _inner(data)
+    # All instants except the first and last of every segment.
+    inner = np.concatenate([np.arange(s.start + 1, s.stop - 1) for s in segments(data.t)])
     balance = "power" if power else "momentum"
     taken = data.take(inner, f"Took the balance of {balance} over two steps at every instant.")
     return taken.replace(**changes)
@@ -328,11 +329,6 @@ def _speed(recording: Recording, name: str) -> FloatArray:
     if name in COLUMNS and COLUMNS[name].of_motors and recording.motors is not None:
         return np.asarray(dq @ recording.motors.T)
     return dq
-
-
-def _inner(recording: Recording) -> FloatArray:
-    """Indices of all instants except the first and last of every segment."""
-    return np.concatenate([np.arange(s.start + 1, s.stop - 1) for s in segments(recording.t)])
 
 
 def _summed(recording: Recording, values: FloatArray) -> FloatArray:

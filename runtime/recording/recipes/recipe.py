@@ -110,7 +110,8 @@ class Signal:
                 f"order expects a permutation of 0 … {len(self.order) - 1}, got "
                 f"{list(self.order)}; name every joint once"
             )
-        if any(abs(s) != 1.0 for s in _as_tuple(self.sign)):
+        signs = self.sign if isinstance(self.sign, tuple) else (self.sign,)
+        if any(abs(s) != 1.0 for s in signs):
             raise RecordingError(f"sign expects 1 or -1, got {self.sign}; use gain to scale")
         if self.cells:
             one_of("cells", self.cells, (JSON_CELLS,))
@@ -328,7 +329,3 @@ class Recipe:
     def replace(self, **changes: object) -> "Recipe":
         """The same recipe with some fields exchanged, e.g. another run."""
         return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
-
-
-def _as_tuple(value: float | tuple[float, ...]) -> tuple[float, ...]:
-    return value if isinstance(value, tuple) else (value,)

@@ -14,21 +14,22 @@ from runtime.campaign import campaign
 from runtime.campaign.campaign import Plan, run_campaign
 from runtime.campaign.driver import Reference, Sample, Stop, Streamed
 from runtime.campaign.drivers.virtual import PlantedFault, VirtualDriver
-from runtime.campaign.gate import EMPTY_CELL, rehearsed, released
+from runtime.campaign.gate import EMPTY_CELL, _planted, rehearsed, released
 from runtime.campaign.gear_friction import ArmModel
 from runtime.campaign.shortest_session import base_covariance, reached, target_of
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
-from runtime.excitation.limits.obstacles import Obstacle
+from runtime.excitation.limits.carried_body import Obstacle
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.motion.trajectory import JoinedMotion
 from runtime.excitation.proof.certificate import certificate_of
+from runtime.excitation.search.criteria import unseen_joints
 from runtime.excitation.search.design import Design, design
 from runtime.excitation.search.information import Information
-from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.excitation.trajectory_file import read_trajectory, write_motion
 from runtime.identification.saved_result import read_result
 from runtime.library import Library
+from runtime.recording import Recording
 from tests.runtime.conftest import Command
 
 MOTION = Path(__file__).parents[3] / "runtime" / "examples" / "fr3_trajectory.json"
@@ -183,6 +184,22 @@ def test_later_motions_run_at_full_speed_at_once() -> None:
     plan = Plan("v=1Nm", duration=10.0, later_duration=6.0, stages=(20.0, 100.0))
     assert [plan.stages_of(k) for k in (1, 2, 3)] == [(20.0, 100.0), (100.0,), (100.0,)]
     assert [plan.seconds(k) for k in (1, 2, 3)] == [60.0, 6.0, 6.0]
+
+
+def test_faults_are_planted_as_they_are_named() -> None:
+    """Oracle: torques of three joints on straight lines by hand; the last joint changes with the
+    one before it, and 10 ms are one row of 100 Hz.
+    """
+    t = np.arange(4) / 100.0
+    tau = np.outer(t, [1.0, 2.0, 4.0])
+    log = Recording(t, 0 * tau, tau=tau)
+    for kind, joint, slopes in (
+        *(("sign", 1, (1, -2, 4)), ("gain", 0, (1.3, 2, 4)), ("none", 0, (1, 2, 4))),
+        *(("order", 0, (2, 1, 4)), ("order", 2, (1, 4, 2)), ("delay", 0, (1, 2, 4))),
+    ):
+        late = 1 if kind == "delay" else 0
+        found = _planted(log, kind, joint).required("tau")[late:]
+        np.testing.assert_allclose(found, np.outer(t[: 4 - late], slopes), atol=1e-15)
 
 
 def test_a_rehearsal_names_a_planted_fault(fr3: Library) -> None:

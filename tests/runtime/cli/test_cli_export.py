@@ -144,7 +144,7 @@ def test_excite_exports_nothing_that_breaks_a_limit(
     command: Command, double: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Property: one sentence, exit code 2; the design stays, no file for a robot is written."""
-    from runtime.cli import designed_motion
+    from runtime.cli import excite
 
     def wild(*words: object, **options: object) -> Design:
         optimum = design(*words, **options)  # type: ignore[arg-type]
@@ -152,7 +152,7 @@ def test_excite_exports_nothing_that_breaks_a_limit(
         faster = replace(optimum.trajectory, coefficients=inside, duration=2.5)
         return replace(optimum, trajectory=faster)
 
-    monkeypatch.setattr(designed_motion, "design", wild)
+    monkeypatch.setattr(excite, "design", wild)
     words = (
         "--duration",
         "4",
@@ -202,7 +202,7 @@ def test_excite_certifies_a_motion_once(
     command: Command, double: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Property: table, pictures and exports share one certificate; other speeds have theirs."""
-    from runtime.excitation.proof import certified_motion
+    from runtime.excitation.proof import certificate
 
     durations, pictures = [], ("m.png", "m-speed.png", "m-space.png")
 
@@ -210,7 +210,7 @@ def test_excite_certifies_a_motion_once(
         durations.append(trajectory.duration)
         return certificate_of(lib, trajectory, safety)
 
-    monkeypatch.setattr(certified_motion, "certificate_of", counted)
+    monkeypatch.setattr(certificate, "certificate_of", counted)
     words = (
         "--duration",
         "4",

@@ -80,7 +80,7 @@ def test_ctrl_c_keeps_the_best_identification(lib: Library, log: Path, tmp_path:
 
 def test_ctrl_c_keeps_the_best_excitation(lib: Library, tmp_path: Path) -> None:
     """Property: SIGINT after the first of many starts writes that one."""
-    code = WAITING.format(module="runtime.cli.designed_motion", function="design", stop=1)
+    code = WAITING.format(module="runtime.cli.excite", function="design", stop=1)
     words = (
         "--settings",
         "harmonics=2",

@@ -13,8 +13,7 @@ from runtime.errors import ExportError, IdentificationError, RuntimeFault
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.motion_export import MOTION_FORMATS, export_trajectory
-from runtime.excitation.proof.certificate import certificate_of
-from runtime.excitation.proof.certified_motion import certified, pulled_inside, slowed
+from runtime.excitation.proof.certificate import certificate_of, certified, pulled_inside, slowed
 from runtime.library import Library
 from tests.runtime.conftest import Command
 
@@ -189,12 +188,12 @@ def test_excite_asks_before_the_search(
     command: Command, lib: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Property: exit code 2 and one sentence before a search, --table none is an answer."""
-    from runtime.cli import designed_motion
+    from runtime.cli import excite
 
     def searching(*_: object, **__: object) -> None:
         raise IdentificationError("the search has begun")
 
-    monkeypatch.setattr(designed_motion, "design", searching)
+    monkeypatch.setattr(excite, "design", searching)
     words = ("excite", "--robot", lib.folder, "--out", "m.json", "--export", "ros")
     for options, sentence in (
         ((), "not checked: table; give --table Z for a table at this height or --table none, or "),

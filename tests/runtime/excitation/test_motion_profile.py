@@ -12,8 +12,7 @@ from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.motion_profile import profile_of
-from runtime.excitation.proof.certificate import KINDS, certificate_of, joint_bounds
-from runtime.excitation.proof.certified_motion import certified
+from runtime.excitation.proof.certificate import KINDS, certificate_of, certified, joint_bounds
 from runtime.library import Library
 from tests.oracle import pinocchio_model
 

@@ -12,12 +12,11 @@ import pytest
 from runtime import read_recording
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
+from runtime.excitation.limits.carried_body import Obstacle, read_obstacles
 from runtime.excitation.limits.constraints import constraints
-from runtime.excitation.limits.obstacles import Obstacle, read_obstacles
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.motion.trajectory import JoinedMotion, end_of, joined
-from runtime.excitation.proof.certificate import certificate_of
-from runtime.excitation.proof.certified_motion import certified
+from runtime.excitation.proof.certificate import certificate_of, certified
 from runtime.excitation.search.design import Design
 from runtime.excitation.trajectory_file import read_session, write_trajectory
 from runtime.excitation.way import way_back, way_to

@@ -11,7 +11,7 @@ from runtime import Recording
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
 from runtime.excitation.motion.trajectory import basis_of
-from runtime.excitation.search.unseen_motions import unseen_joints
+from runtime.excitation.search.criteria import unseen_joints
 from runtime.identification.expected_accuracy.expected import Knowledge, expected
 from runtime.identification.expected_accuracy.planned_samples import (
     motion_samples_of,

@@ -13,7 +13,7 @@ from runtime.errors import RecordingError
 from runtime.identification.result_file import write_result
 from runtime.identification.result_record import FORMAT, RENAMED, ResultRecord
 from runtime.identification.saved_result import migrated, read_record, read_result
-from runtime.outputs.report.result import read_result as read_report
+from runtime.outputs.report.report import read_result as read_report
 from scripts.site import result_keys
 from tests.runtime.pages import predictions
 

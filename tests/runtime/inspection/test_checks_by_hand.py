@@ -12,12 +12,12 @@ from runtime.estimators.contradictions import sentence_of
 from runtime.estimators.regression.causes import Cause, Causes
 from runtime.estimators.regression.recorded_delay import DelayProfile, RecordedDelay
 from runtime.inspection import torque_checks as proposal
-from runtime.inspection.checks import drives, model_fit, torque_signs
+from runtime.inspection.checks import drives, model_fit, torque_rows
 from runtime.inspection.checks.clock import _gaps, lost_rows
+from runtime.inspection.checks.column_faults import mismatches
 from runtime.inspection.checks.drives import rotor
 from runtime.inspection.checks.file_layout import _untitled
 from runtime.inspection.checks.gravity import _finding, _Fit
-from runtime.inspection.checks.joint_order import mismatches
 from runtime.inspection.checks.outlying_rows import frozen
 from runtime.inspection.checks.units import units
 from runtime.inspection.finding import INFO, Finding
@@ -233,11 +233,11 @@ def test_a_common_sign_where_gravity_is_silent(monkeypatch, silent) -> None:
 def test_torque_far_beyond_the_limits_of_effort(monkeypatch, factor, kinds) -> None:
     """Property: where links explain too little, the limits of effort show another unit."""
     unused = np.ones(2), np.zeros(2, dtype=bool)
-    monkeypatch.setattr(torque_signs, "slopes_to_model", lambda _: unused)
+    monkeypatch.setattr(torque_rows, "slopes_to_model", lambda _: unused)
     robot = SimpleNamespace(limits=lambda: {"effort": np.array([30.0, np.inf])})
     tau = factor * np.array([[30.0, 1.0], [-1.0, 1.0]])
     rows = SimpleNamespace(lib=robot, whole=SimpleNamespace(required=lambda _: tau))
-    assert [f.kind for f in torque_signs.scale(rows, PLAN)[1]] == kinds
+    assert [f.kind for f in torque_rows.scale(rows, PLAN)[1]] == kinds
 
 
 @pytest.mark.parametrize(("stated_trim", "trim"), [(0.1, 0.25), (0.7, 0.7)])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from runtime.inspection import INFO, Inspection, inspect_log, recipe_text
-from runtime.inspection.checks.motion import constant_velocity
+from runtime.inspection.checks.signals import constant_velocity
 from runtime.library import Library
 from runtime.recording import Recipe, Recording
 from runtime.recording.preprocessing.segments import differentiate

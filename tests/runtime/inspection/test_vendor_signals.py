@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from runtime import Recording, load
 from runtime.inspection import INFO, inspect_log
-from runtime.inspection.checks.motion import velocity_filter
+from runtime.inspection.checks.signals import velocity_filter
 from runtime.inspection.checks.vendor_signals import (
     COMPENSATED,
     CURRENT,

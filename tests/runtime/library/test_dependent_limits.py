@@ -15,8 +15,8 @@ from runtime.excitation import Trajectory
 from runtime.excitation.limits.constraints import constraints, require_rest
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.proof.certificate import Use, certificate_of
+from runtime.excitation.search.criteria import unseen_motions
 from runtime.excitation.search.design import design
-from runtime.excitation.search.unseen_motions import unseen_motions
 from runtime.excitation.way import way_to
 from runtime.library import Library, load
 from symgen.make.config import RobotConfig, home_of

@@ -20,8 +20,7 @@ from symgen.errors import UrdfError
 from symgen.make.facts import initial_parameters
 from symgen.make.pipeline import generate
 from symgen.make.request import request_from_folder
-from symgen.mechanics.dynamics import inverse_dynamics
-from symgen.mechanics.mass_matrix import forward_dynamics
+from symgen.mechanics.dynamics import forward_dynamics, inverse_dynamics
 from tests.robots import DATA
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ from runtime.errors import LibraryError
 from runtime.estimators.regression.factor import compress
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Library, load
-from symgen.catalogue import omitted
+from symgen import catalogue
 from symgen.chain import model
 from symgen.make import pipeline
 from symgen.make.pipeline import build
@@ -24,7 +24,7 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> tuple[Library, Library]:
     whole = load(build(BuildRequest("whole", TREE), root, levels=ONE_LEVEL).folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(model, "LARGE", 3)
-        patch.setattr(omitted, "LONG", 150)
+        patch.setattr(catalogue, "LONG", 150)
         patch.setattr(pipeline, "LONG", 150)
         folder = build(BuildRequest("large", TREE), root, levels=ONE_LEVEL).folder
         again, _ = pipeline.generate(request_from_folder(folder))

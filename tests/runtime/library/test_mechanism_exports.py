@@ -13,7 +13,7 @@ from runtime.errors import ExportError, RuntimeFault
 from runtime.library import Library
 from runtime.library.manifest import CouplingFacts
 from runtime.outputs.model_files.engines.answer import Unreadable
-from runtime.outputs.model_files.formats.gravity import GRAVITY
+from runtime.outputs.model_files.formats.header import GRAVITY
 from runtime.outputs.model_files.formats.mjcf import MJCF
 from runtime.outputs.model_files.formats.ros2 import ROS2
 from runtime.outputs.model_files.formats.sdf import SDF

@@ -9,17 +9,16 @@ import pooch
 import pytest
 
 from runtime.errors import RecordingError
-from runtime.recording import Friction, datasets, read_recording
+from runtime.recording import Friction, log_files, read_recording
 from runtime.recording.preprocessing import prepare
-from runtime.recording.preprocessing.clock_repair import repair_clock
 from runtime.recording.preprocessing.parts import split
-from runtime.recording.preprocessing.segments import segments
+from runtime.recording.preprocessing.segments import repair_clock, segments
 from runtime.recording.recipes.recipe_file import bundled_names, load_recipe
 
 
 def real(name: str) -> Path:
     """The folder of a real data set, or a loud skip; tests never download."""
-    for folder in datasets._local_folders(name):
+    for folder in log_files._local_folders(name):
         if folder.is_dir():
             return folder
     pytest.skip(f"REAL DATA ABSENT: {name} is not under $SYMGEN_DATA/data nor ../shared/data")
@@ -29,9 +28,9 @@ def test_symgen_data_decides(tmp_path, monkeypatch):
     """Oracle: SYMGEN_DATA wins over the folder beside the repository."""
     (tmp_path / "data" / "panda_gaz").mkdir(parents=True)
     monkeypatch.setenv("SYMGEN_DATA", str(tmp_path))
-    assert datasets.locate("panda_gaz") == tmp_path / "data" / "panda_gaz"
+    assert log_files.locate("panda_gaz") == tmp_path / "data" / "panda_gaz"
     with pytest.raises(RecordingError, match=r"no data set 'panda'; the known ones are fr3_sim"):
-        datasets.locate("panda")
+        log_files.locate("panda")
 
 
 def test_downloads_are_pinned_and_cached(tmp_path, monkeypatch):
@@ -50,17 +49,17 @@ def test_downloads_are_pinned_and_cached(tmp_path, monkeypatch):
     monkeypatch.setattr(pooch, "os_cache", lambda name: tmp_path / name)
     monkeypatch.setattr("pooch.core.choose_downloader", lambda *_, **__: Net())
     with pytest.raises(RecordingError, match=r"could not be downloaded .*set SYMGEN_DATA"):
-        datasets.locate("panda_gaz")
+        log_files.locate("panda_gaz")
     assert recipe.source.commit in asked[0]
     assert asked[0].endswith("/rbt_log/exciting_traj_positions.txt")
     digest = hashlib.sha256(Net.content).hexdigest()
     pins = dict.fromkeys(recipe.source.sha256, digest)
     pinned = recipe.replace(source=type(recipe.source)(base=recipe.source.base, sha256=pins))
-    monkeypatch.setattr(datasets, "load_recipe", lambda _: pinned)
-    folder = datasets.locate("panda_gaz")
+    monkeypatch.setattr(log_files, "load_recipe", lambda _: pinned)
+    folder = log_files.locate("panda_gaz")
     assert {path.name for path in folder.iterdir()} == set(pins)
     count = len(asked)
-    assert datasets.locate("panda_gaz") == folder
+    assert log_files.locate("panda_gaz") == folder
     assert len(asked) == count
 
 
@@ -176,7 +175,7 @@ def test_examples_of_the_package_are_known_by_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     log = read_recording("fr3_simulated")
     assert log.n_joints == 7
-    assert datasets.locate("fr3_simulated") == datasets.EXAMPLES / "fr3_simulated.npz"
-    assert set(datasets.known_names()) > set(bundled_names())
+    assert log_files.locate("fr3_simulated") == log_files.EXAMPLES / "fr3_simulated.npz"
+    assert set(log_files.known_names()) > set(bundled_names())
     with pytest.raises(RecordingError, match="the known ones are fr3_simulated"):
-        datasets.locate("fr3_simulate")
+        log_files.locate("fr3_simulate")

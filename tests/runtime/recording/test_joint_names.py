@@ -8,8 +8,7 @@ import pytest
 from runtime.inspection import inspect_log
 from runtime.library import Library
 from runtime.recording import read_recording
-from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.joint_names import renamed_joints
+from runtime.recording.coupled_joints import independent_joints, renamed_joints
 from tests.runtime.diagnosis import EXAMPLE
 
 FR3 = tuple(f"fr3_joint{k}" for k in range(1, 4))

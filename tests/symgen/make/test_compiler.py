@@ -14,13 +14,13 @@ from symgen.make import compiler
 from symgen.make.compiler import (
     REFERENCE,
     Compilation,
-    compile_library,
     find_compiler,
     how_to_compile,
     level_names,
     machine,
     sha256_of,
 )
+from tests.symgen.builds import compile_library
 
 SOURCE = "double twice(double x);\ndouble twice(double x) { return 2.0 * x; }\n"
 

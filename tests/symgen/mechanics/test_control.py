@@ -10,7 +10,7 @@ import pytest
 
 from runtime.errors import LibraryError
 from runtime.library import Library
-from symgen.mechanics import mass_matrix
+from symgen.mechanics import dynamics
 from tests.oracle import Array, pinocchio_model, random_states, with_parameters
 
 STATES = 50
@@ -151,7 +151,7 @@ def test_the_inverse_of_the_inertia_of_a_body() -> None:
     across = np.array([[0, -h[2], h[1]], [h[2], 0, -h[0]], [-h[1], h[0], 0]])
     inertia = np.diag([0.3, 0.4, 0.5]) + across @ across.T / mass
     whole = np.block([[mass * np.eye(3), -across], [across, inertia]])
-    inverse = mass_matrix._inverse_inertia(mass, ca.DM(h), ca.DM(inertia))
+    inverse = dynamics._inverse_inertia(mass, ca.DM(h), ca.DM(inertia))
     values = np.array(ca.evalf(inverse))
     # Rounding of numbers of size 4 by a condition of 30.
     np.testing.assert_allclose(values, np.linalg.inv(whole), atol=1e-13)

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from runtime.library import Array, Library
-from runtime.outputs.model_files.bodies import RigidBody
 from runtime.outputs.model_files.engines.answer import (
     STATES,
     Reloaded,
@@ -17,6 +16,7 @@ from runtime.outputs.model_files.engines.answer import (
     pi_of,
     random_states,
 )
+from runtime.outputs.model_files.urdf_tree import RigidBody
 
 INSTALL = "pip install mujoco"
 CLOSED_STATES = 20

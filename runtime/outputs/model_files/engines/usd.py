@@ -7,9 +7,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from runtime.library import Array
-from runtime.outputs.model_files.bodies import RigidBody
 from runtime.outputs.model_files.engines.answer import Unreadable, pi_of
 from runtime.outputs.model_files.model import IdentifiedModel
+from runtime.outputs.model_files.urdf_tree import RigidBody
 
 INSTALL = "pip install 'symgen[export]'"
 SINGLE = 1e-6

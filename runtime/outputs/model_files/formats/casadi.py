@@ -17,7 +17,7 @@ from runtime.outputs.model_files.engines.answer import random_states
 from runtime.outputs.model_files.export_format import ExportFormat
 from runtime.outputs.model_files.formats.header import comment_text
 from runtime.outputs.model_files.model import IdentifiedModel
-from runtime.outputs.model_files.reload_check import TOLERANCE, torque_difference, verified
+from runtime.outputs.model_files.reload_check import require_torques, verified
 from runtime.recording.friction import model as friction
 from runtime.recording.friction.columns import ROTOR
 from runtime.recording.settings import JointMotion
@@ -72,12 +72,8 @@ def check_casadi(model: IdentifiedModel, texts: Mapping[str, str]) -> str:
         terms = replace(joints.terms, columns=tuple(joints.terms.columns[k] for k in kept))
         columns = friction.columns(JointMotion(dq), terms)
         expected = expected + friction.torque(columns, joints.values[:, kept])
-    difference = torque_difference(read, expected)
-    if not difference <= TOLERANCE:
-        raise ExportError(
-            f"not written: the torques of the functions differ by {difference:.1e} of the largest "
-            f"torque, where {TOLERANCE:g} is allowed; report this as a fault of symgen"
-        )
+    what, remedy = "the torques of the functions differ", "report this as a fault of symgen"
+    difference = require_torques(read, expected, what, remedy)
     return verified("CasADi", difference, model.states)
 
 

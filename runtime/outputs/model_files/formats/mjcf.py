@@ -12,7 +12,6 @@ import numpy as np
 
 from runtime.errors import ExportError
 from runtime.library.manifest import FrameFacts, Manifest
-from runtime.outputs.model_files.bodies import RigidBody, digits, quaternion, row
 from runtime.outputs.model_files.engines import mujoco
 from runtime.outputs.model_files.export_format import ExportFormat
 from runtime.outputs.model_files.model import (
@@ -22,7 +21,7 @@ from runtime.outputs.model_files.model import (
     xml_comment,
 )
 from runtime.outputs.model_files.reload_check import compare_reloaded
-from runtime.outputs.model_files.urdf_tree import WORLD, Edge
+from runtime.outputs.model_files.urdf_tree import WORLD, Edge, RigidBody, digits, quaternion, row
 
 LEVER = 0.1
 """Distance of the two points along the axis of a revolute loop joint [m]."""

@@ -16,12 +16,12 @@ import numpy as np
 from runtime.errors import ExportError
 from runtime.library import Array
 from runtime.library.parameters import PI_NAMES
-from runtime.outputs.model_files.bodies import digits, row
 from runtime.outputs.model_files.engines import compiler
 from runtime.outputs.model_files.export_format import ExportFormat
 from runtime.outputs.model_files.formats.header import c_header, comment_text, read_arrays
 from runtime.outputs.model_files.model import IdentifiedModel, springs_left_out
 from runtime.outputs.model_files.reload_check import unchecked
+from runtime.outputs.model_files.urdf_tree import digits, row
 
 PLACES = {
     "package.xml": "package.xml",

@@ -9,12 +9,11 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 
 from runtime.library import Array
-from runtime.outputs.model_files.bodies import RigidBody, digits, quaternion, row
 from runtime.outputs.model_files.engines import drake
 from runtime.outputs.model_files.export_format import ExportFormat
 from runtime.outputs.model_files.model import IdentifiedModel, require_no_coupling, xml_comment
 from runtime.outputs.model_files.reload_check import compare_reloaded
-from runtime.outputs.model_files.urdf_tree import WORLD, Edge
+from runtime.outputs.model_files.urdf_tree import WORLD, Edge, RigidBody, digits, quaternion, row
 
 UNLIMITED = 1e16
 """Value of a limit that SDF reads as none [rad, m]."""

@@ -2,12 +2,11 @@
 
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from runtime.outputs.model_files.bodies import RigidBody, digits, row
 from runtime.outputs.model_files.engines import pinocchio
 from runtime.outputs.model_files.export_format import ExportFormat
 from runtime.outputs.model_files.model import IdentifiedModel, xml_comment
 from runtime.outputs.model_files.reload_check import compare_reloaded
-from runtime.outputs.model_files.urdf_tree import Tree, number, read_tree
+from runtime.outputs.model_files.urdf_tree import RigidBody, Tree, digits, number, read_tree, row
 
 HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
 

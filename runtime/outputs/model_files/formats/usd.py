@@ -10,7 +10,6 @@ import numpy as np
 
 from runtime.errors import ExportError
 from runtime.library import Array
-from runtime.outputs.model_files.bodies import RigidBody, digits, quaternion
 from runtime.outputs.model_files.engines import usd
 from runtime.outputs.model_files.export_format import ExportFormat
 from runtime.outputs.model_files.formats.usd_joints import (
@@ -28,6 +27,7 @@ from runtime.outputs.model_files.formats.usd_joints import (
 )
 from runtime.outputs.model_files.model import IdentifiedModel, couplings
 from runtime.outputs.model_files.reload_check import unchecked
+from runtime.outputs.model_files.urdf_tree import RigidBody, digits, quaternion
 
 INERTIA_TOLERANCE = 1e-9
 """Of masses, first moments and inertias read again, relative to the largest one of the robot."""

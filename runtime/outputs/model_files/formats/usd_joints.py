@@ -11,9 +11,8 @@ import numpy as np
 from runtime.errors import ExportError
 from runtime.library import Array
 from runtime.library.manifest import FrameFacts
-from runtime.outputs.model_files.bodies import digits, quaternion
 from runtime.outputs.model_files.model import IdentifiedModel, couplings, require_loop_frames
-from runtime.outputs.model_files.urdf_tree import Edge
+from runtime.outputs.model_files.urdf_tree import Edge, digits, quaternion
 
 
 def prim_names(names: list[str]) -> dict[str, str]:

@@ -15,8 +15,7 @@ import pytest
 
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.safety import CARRIED, UNCHECKED, Safety
-from runtime.excitation.proof.certificate import DISTANCES, certificate_of
-from runtime.excitation.proof.certified_motion import pulled_inside
+from runtime.excitation.proof.certificate import DISTANCES, certificate_of, pulled_inside
 from runtime.excitation.search.design import Design, design
 from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.single_start import Search

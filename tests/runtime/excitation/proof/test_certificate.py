@@ -10,8 +10,15 @@ from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.safety import CARRIED, UNCHECKED
 from runtime.excitation.motion.trajectory import COSINE, JoinedMotion, fourier_basis
-from runtime.excitation.proof.certificate import KINDS, certificate_of, joint_bounds
-from runtime.excitation.proof.certified_motion import certified, fastest, pulled_inside, slowed
+from runtime.excitation.proof.certificate import (
+    KINDS,
+    certificate_of,
+    certified,
+    fastest,
+    joint_bounds,
+    pulled_inside,
+    slowed,
+)
 from runtime.library import Library
 
 

@@ -16,8 +16,7 @@ from runtime.cli.motion_limits import carried_body
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.constraints import TABLE_MARGIN
 from runtime.excitation.limits.safety import Safety
-from runtime.excitation.proof.certificate import Certificate, certificate_of
-from runtime.excitation.proof.certified_motion import pulled_inside
+from runtime.excitation.proof.certificate import Certificate, certificate_of, pulled_inside
 from runtime.excitation.search.design import design
 from runtime.library import Library
 from tests.collision_oracle import capsule_of, pair_distances

@@ -10,8 +10,8 @@ from runtime.excitation import Trajectory
 from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.nonlinear_limits import IntervalBounds
 from runtime.excitation.limits.safety import Safety
+from runtime.excitation.proof.bounds import MotionGrid, constraint_bounds
 from runtime.excitation.proof.certificate import certificate_of
-from runtime.excitation.proof.nonlinear_bounds import MotionGrid, constraint_bounds
 from runtime.library import Library
 from tests.runtime.excitation.proof.spiked import Spiked
 

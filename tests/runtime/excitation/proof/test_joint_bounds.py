@@ -5,9 +5,9 @@ import pytest
 
 from runtime.excitation import Trajectory
 from runtime.excitation.motion.trajectory import COSINE
-from runtime.excitation.proof import joint_bounds as room
+from runtime.excitation.proof import bounds as room
+from runtime.excitation.proof.bounds import joint_bounds
 from runtime.excitation.proof.certificate import certificate_of
-from runtime.excitation.proof.joint_bounds import joint_bounds
 from runtime.library import Library
 from tests.runtime.excitation.proof.test_certificate import brute
 

@@ -12,11 +12,15 @@ from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.nonlinear_limits import Braking, Side
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.motion.trajectory import COSINE
-from runtime.excitation.proof import certified_motion
-from runtime.excitation.proof.certificate import Use, certificate_of
-from runtime.excitation.proof.certified_motion import certified, fastest, pulled_inside
-from runtime.excitation.proof.joint_bounds import joint_bounds
-from runtime.excitation.proof.nonlinear_bounds import MotionGrid, constraint_bounds
+from runtime.excitation.proof import certificate
+from runtime.excitation.proof.bounds import MotionGrid, constraint_bounds, joint_bounds
+from runtime.excitation.proof.certificate import (
+    Use,
+    certificate_of,
+    certified,
+    fastest,
+    pulled_inside,
+)
 from runtime.library import Library
 
 SAFETY = Safety(table=0.0, box=(0.2, 0.8, -0.6, 0.6, 0.2, 1.0), viscous=(2.0,))
@@ -118,7 +122,7 @@ def test_a_motion_that_holds_keeps_its_speed(
     def computed(*_: object) -> None:
         raise AssertionError("a certificate was computed")
 
-    monkeypatch.setattr(certified_motion, "_certificate", computed)
+    monkeypatch.setattr(certificate, "_certificate", computed)
     assert motion.certificate.holds
     assert fastest(motion) == 1.0
 
@@ -150,7 +154,7 @@ def test_no_speed_helps_where_the_position_breaks_too(
     def computed(*_: object) -> None:
         raise AssertionError("a certificate was computed")
 
-    monkeypatch.setattr(certified_motion, "_certificate", computed)
+    monkeypatch.setattr(certificate, "_certificate", computed)
     assert fastest(motion) == 0.0
 
 

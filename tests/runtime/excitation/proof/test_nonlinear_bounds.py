@@ -1,4 +1,4 @@
-"""nonlinear_bounds: what is not linear in the motion, between samples too."""
+"""bounds: what is not linear in the motion, between samples too."""
 
 from dataclasses import replace
 
@@ -11,9 +11,8 @@ from runtime.excitation.limits.limit_rows import LimitRows, Limits, inside
 from runtime.excitation.limits.nonlinear_limits import Constraint, SampledMotion
 from runtime.excitation.limits.safety import CARRIED, UNCHECKED, Safety
 from runtime.excitation.motion.trajectory import COSINE, basis_of
+from runtime.excitation.proof.bounds import constraint_bounds, joint_bounds
 from runtime.excitation.proof.certificate import certificate_of
-from runtime.excitation.proof.joint_bounds import joint_bounds
-from runtime.excitation.proof.nonlinear_bounds import constraint_bounds
 from runtime.library import Library
 
 EVERYTHING = Safety(table=0.0, box=(0.2, 0.8, -0.6, 0.6, 0.2, 1.0), viscous=(2.0,))
@@ -90,8 +89,8 @@ def test_long_intervals_lose_nothing(
 
     usual, result = everything(), []
     for braking_divided, divided in ((1, 1), (300, 3000)):  # few and very long ones
-        monkeypatch.setattr("runtime.excitation.proof.nonlinear_bounds._DIVIDED", braking_divided)
-        monkeypatch.setattr("runtime.excitation.proof.joint_bounds.DIVIDED", divided)
+        monkeypatch.setattr("runtime.excitation.proof.bounds._DIVIDED", braking_divided)
+        monkeypatch.setattr("runtime.excitation.proof.bounds.DIVIDED", divided)
         result.append(everything())
     for other in result:
         assert usual == pytest.approx(other, rel=1e-13)  # the rounding of s

@@ -1,4 +1,4 @@
-"""nonlinear_bounds on laws whose largest value is known in closed form."""
+"""bounds on laws whose largest value is known in closed form."""
 
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -9,13 +9,8 @@ import pytest
 
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.nonlinear_limits import IntervalBounds, SampledMotion
-from runtime.excitation.proof import nonlinear_bounds
-from runtime.excitation.proof.nonlinear_bounds import (
-    MotionGrid,
-    Peaks,
-    _see_braking,
-    constraint_bounds,
-)
+from runtime.excitation.proof import bounds
+from runtime.excitation.proof.bounds import MotionGrid, Peaks, _see_braking, constraint_bounds
 from runtime.library import Library
 from tests.runtime.excitation.proof.spiked import Spiked
 
@@ -74,12 +69,12 @@ def test_a_divided_interval_counts_both_of_its_ends(lib: Library) -> None:
     assert 0 <= bound.bound - abs(half) * np.sign(half) * travel.sign < 3e-10
 
 
-@pytest.mark.parametrize("most", [1, nonlinear_bounds.MOST_INTERVALS])
+@pytest.mark.parametrize("most", [1, bounds.MOST_INTERVALS])
 def test_what_is_not_decided_keeps_a_proven_bound(
     lib: Library, monkeypatch: pytest.MonkeyPatch, most: int
 ) -> None:
     """Adversary: a bump between two samples, with and without the intervals that would show it."""
-    monkeypatch.setattr(nonlinear_bounds, "MOST_INTERVALS", most)
+    monkeypatch.setattr(bounds, "MOST_INTERVALS", most)
     height, middle = 1e-6, (round(0.3 * DURATION / 1e-3) + 0.5) * 1e-3 / DURATION
     a = np.zeros((lib.n_joints, 2))
     a[0] = -1e-9, height

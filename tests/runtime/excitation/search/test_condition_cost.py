@@ -57,7 +57,7 @@ def test_the_cost_is_that_of_lapack_on_all_levels(any_robot, name: str) -> None:
                 assert_same(got, wanted)
                 assert cost.compiled is not None
                 assert cost.compiled.value(a) == got[0]
-                assert not cost.compiled.deficient()
+                assert not cost.compiled._local.place.job.deficient
 
 
 def test_gradient_by_taylor_on_all_levels(
@@ -105,7 +105,7 @@ def test_a_regressor_without_full_rank(lib: Library, case: str) -> None:
         cost = CompiledExcitation.of(one.binding, lib.home, basis)
         assert cost is not None
         value, gradient = cost.value_gradient(a)
-        assert cost.deficient()
+        assert cost._local.place.job.deficient
         # λ₊ cancels; rounding of a logarithm of 15.
         assert value == pytest.approx(-np.log(columns * EPS) / 2, rel=1e-14)
         assert by_numpy(lib, basis, a)[0] == pytest.approx(value, rel=1e-14)

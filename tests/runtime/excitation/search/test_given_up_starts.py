@@ -7,14 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from runtime.cli.designed_motion import search_notes
+from runtime.cli.excite import search_notes
 from runtime.excitation.search import single_start
 from runtime.excitation.search.design import design
 from runtime.excitation.search.design_settings import DesignSettings
-from runtime.excitation.search.information import information
-from runtime.excitation.search.single_start import SMOOTH_TOLERANCE, TRIED, Search
-from runtime.excitation.search.sqp import TOLERANCE
-from runtime.excitation.search.variations import (
+from runtime.excitation.search.finish import (
     FEWEST_DRAWN,
     FEWEST_STARTS,
     FIRST,
@@ -27,6 +24,9 @@ from runtime.excitation.search.variations import (
     task_rounds,
     variation_count,
 )
+from runtime.excitation.search.information import information
+from runtime.excitation.search.single_start import SMOOTH_TOLERANCE, TRIED, Search
+from runtime.excitation.search.sqp import TOLERANCE
 from runtime.library import Library
 
 SMALL = {"duration": 4.0, "harmonics": 3, "criterion": "mixed"}

@@ -10,11 +10,10 @@ import pytest
 from runtime import load
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
-from runtime.excitation.search.criteria import sizes
+from runtime.excitation.search.criteria import sizes, unseen_rows, unseen_torque
 from runtime.excitation.search.design import design
 from runtime.excitation.search.information import FRICTION, information
 from runtime.excitation.search.prediction import MOST_SAMPLES, covariance_of, predict
-from runtime.excitation.search.unseen_motions import unseen_rows, unseen_torque
 from runtime.identification.expected_accuracy.planned_samples import information_of_logs
 from runtime.library import Library
 from runtime.simulation import Plant, ideal

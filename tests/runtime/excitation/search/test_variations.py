@@ -1,4 +1,4 @@
-"""runtime.excitation.search.variations: what follows the random starts of a search."""
+"""runtime.excitation.search.finish: what follows the random starts of a search."""
 
 import multiprocessing
 
@@ -7,8 +7,8 @@ import pytest
 
 from runtime.excitation.search.design import Design, design
 from runtime.excitation.search.design_settings import DesignSettings
+from runtime.excitation.search.finish import FEWEST_STARTS, PARENTS, ROUNDS, rounds
 from runtime.excitation.search.single_start import Search
-from runtime.excitation.search.variations import FEWEST_STARTS, PARENTS, ROUNDS, rounds
 from runtime.library import Library
 
 SMALL = {"duration": 6.0, "harmonics": 3, "seed": 2}

@@ -7,12 +7,11 @@ import pytest
 
 from runtime.excitation.search import single_start
 from runtime.excitation.search.condition_cost import ConditionCost
-from runtime.excitation.search.criteria import RELATIVE, SHARE, sizes
+from runtime.excitation.search.criteria import RELATIVE, SHARE, sizes, unseen_torque
 from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.information import information
 from runtime.excitation.search.single_start import FAR_NOISE, Search, varied_far
 from runtime.excitation.search.sqp import Descended
-from runtime.excitation.search.unseen_motions import unseen_torque
 from runtime.library import Array, Library
 
 JOINTS, SIZE = 5, 4

@@ -10,8 +10,8 @@ from runtime import OnlineEstimator, Recording, identify_payload
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
 from runtime.excitation import Trajectory
+from runtime.excitation.search.criteria import unseen_joints, unseen_rows
 from runtime.excitation.search.information import FRICTION
-from runtime.excitation.search.unseen_motions import unseen_joints, unseen_rows
 from runtime.identification.expected_accuracy.expected import ARM_ERROR, Knowledge, expected, gained
 from runtime.identification.expected_accuracy.planned_samples import (
     MotionSamples,

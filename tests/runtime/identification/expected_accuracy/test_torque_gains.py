@@ -8,7 +8,7 @@ import pytest
 
 from runtime import write_recording
 from runtime.excitation import Trajectory
-from runtime.excitation.search.unseen_motions import unseen_joints
+from runtime.excitation.search.criteria import unseen_joints
 from runtime.excitation.trajectory_file import write_motion
 from runtime.identification.expected_accuracy.expected import (
     Knowledge,

@@ -16,9 +16,9 @@ from defusedxml.ElementTree import fromstring
 from runtime.errors import ExportError
 from runtime.library import Library
 from runtime.outputs.model_files import export
-from runtime.outputs.model_files.drives import KEYS, Drives
 from runtime.outputs.model_files.export import export_model
 from runtime.outputs.model_files.export_format import EXPORT_FORMATS, usual_formats
+from runtime.outputs.model_files.joint_friction import KEYS, Drives
 from runtime.outputs.model_files.model import IdentifiedModel
 from runtime.outputs.model_files.urdf_tree import read_tree
 from runtime.recording import Friction

@@ -12,8 +12,7 @@ import pytest
 
 from runtime.errors import RuntimeFault
 from runtime.outputs.report.figures import mass_change
-from runtime.outputs.report.report import write_report
-from runtime.outputs.report.result import read_result
+from runtime.outputs.report.report import read_result, write_report
 from tests.runtime.pages import Change, Reader, predictions, read, write
 
 

@@ -8,7 +8,7 @@ import pytest
 from runtime.errors import RecordingError
 from runtime.identification.result_record import LinkUncertainty, UncertaintyPart
 from runtime.identification.saved_result import read_record
-from runtime.outputs.report.sections import uncertainty_sections
+from runtime.outputs.report.report import uncertainty_sections
 from tests.runtime import pages
 
 

@@ -16,8 +16,7 @@ from runtime.errors import LibraryError, RecordingError
 from runtime.excitation import Trajectory
 from runtime.excitation.trajectory_file import write_motion
 from runtime.library import Library
-from runtime.outputs.viewer.player import PlayedMotion, Player, bars, read_motion
-from runtime.outputs.viewer.scene import Scene
+from runtime.outputs.viewer.player import PlayedMotion, Player, Scene, bars, read_motion
 from runtime.outputs.viewer.shapes import BASE, WIDER, look_of
 from tests.browser import chromium
 from tests.oracle import pinocchio_model

@@ -9,7 +9,7 @@ import pytest
 
 from runtime.library import Library
 from runtime.recording import read_recording, streamed
-from runtime.recording.formats import joint_states
+from runtime.recording.formats import bag_format
 from runtime.recording.recipes.recipe_file import recipe_from_table
 from runtime.recording.streamed import open_streamed
 from tests.runtime.conftest import Command
@@ -27,7 +27,7 @@ from tests.runtime.recording.formats.test_bags import (
 
 @pytest.fixture(autouse=True)
 def _small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(joint_states, "PIECE", 32)
+    monkeypatch.setattr(bag_format, "PIECE", 32)
 
 
 def assert_same_rows(path, **options) -> None:
@@ -114,8 +114,8 @@ def test_late_messages_are_waited_for(tmp_path):
 
 def test_memory_does_not_grow_with_the_bag(tmp_path, monkeypatch):
     """Property: four times the messages take the same memory, to a tenth."""
-    monkeypatch.setattr(joint_states, "PIECE", 256)
-    monkeypatch.setattr(joint_states.Spool, "SMALL", 2**16)
+    monkeypatch.setattr(bag_format, "PIECE", 256)
+    monkeypatch.setattr(bag_format.Spool, "SMALL", 2**16)
     t, *signals = motion(6000)
     told = [("/joint_states", t[i], NAMES, *(s[i] for s in signals)) for i in range(len(t))]
     open_streamed(mcap_cdr(tmp_path / "first.mcap", told[:9]))  # types of messages are kept

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from runtime.errors import RecordingError
-from runtime.recording.formats import digests
-from runtime.recording.formats.digests import Digests
+from runtime.recording.formats import log_format
+from runtime.recording.formats.log_format import Digests
 from runtime.recording.streamed import open_streamed
 
 
 @pytest.fixture
 def large(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(digests, "SMALL", 0)
+    monkeypatch.setattr(log_format, "SMALL", 0)
 
 
 def test_a_large_log_is_opened_before_it_is_hashed(large, tmp_path, monkeypatch):

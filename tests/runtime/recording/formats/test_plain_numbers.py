@@ -122,6 +122,11 @@ def test_two_numbers_in_a_line_do_not_make_up_for_an_empty_one(odd: str) -> None
     assert plain_numbers(odd + "1.5\n" * 40) is None
 
 
+def test_empty_lines_alone_hold_no_numbers() -> None:
+    """Property: without the warning by which NumPy says that it read none."""
+    assert plain_numbers("\n" * 40) is None
+
+
 def test_decimals_are_those_of_python() -> None:
     """Oracle: `float`, to the bit, for 1 to 8 digits on either side of the point."""
     rng = np.random.default_rng(8)

@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 
 from runtime.errors import RecordingError
 from runtime.recording import Recording
-from runtime.recording.preprocessing.clock_repair import repair_clock
 from runtime.recording.preprocessing.filters import low_pass, moving_average, savitzky_golay
-from runtime.recording.preprocessing.segments import decimate, resample, segments
+from runtime.recording.preprocessing.segments import decimate, repair_clock, resample, segments
 from tests.runtime.signals import sine, with_hole
 
 

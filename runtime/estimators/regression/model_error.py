@@ -26,6 +26,7 @@ from runtime.estimators.regression.nuisance import common_size, nuisance_of, siz
 from runtime.estimators.regression.omitted_columns import FreeFit
 from runtime.estimators.regression.posterior import APART, ROUNDING, posterior_of
 from runtime.estimators.regression.samples import Samples
+from runtime.estimators.regression.slow_rows import time_step
 from runtime.library import Array, Library
 
 BLOCK_S, FEWEST, PER_COLUMN = 2.0, 3, 5
@@ -117,9 +118,3 @@ def scatter(samples: Samples, basis: Array, rest: Array, density: float) -> Arra
     meat = each.T @ each * (k / (k - 1))
     level, share = max(density, float(np.trace(meat)) / p), min(1.0, k / (PER_COLUMN * p))
     return np.asarray((1 - share) * level * np.eye(p) + share * meat)
-
-
-def time_step(samples: Samples) -> float:
-    """Mean time step [s]: 2 h = ⟨q_(i+1) − q_(i−1), dq_i⟩ / ⟨dq_i, dq_i⟩; 0 at rest."""
-    moved, speed = (samples.q[2:] - samples.q[:-2]).ravel(), samples.dq[1:-1].ravel()
-    return max(float(moved @ speed) / max(float(speed @ speed), 1e-300) / 2, 0.0)

@@ -26,6 +26,7 @@ from scipy.special import chdtri
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_shares, shares_of_basis
 from runtime.estimators.regression.posterior import APART, orthonormal, posterior_of
 from runtime.estimators.regression.samples import Samples
+from runtime.estimators.regression.slow_rows import slow_part
 from runtime.library import Array, Library
 
 SIGNIFICANCE = 1e-4
@@ -53,6 +54,19 @@ class FreeFit:
     predicted: Array  # weighted torque of the fit, (N n,)
     rest: Array  # weighted residual, (N n,)
     shares: tuple[Array, ...]  # of every frequency that the basis takes up, by `shares_of_basis`
+
+    def slow(self, cosines: int) -> "FreeFit":
+        """The fit of the slow part of the rows, the first cosines of time."""
+        shape, width = (len(self.samples), self.scale.size), self.basis.shape[1]
+        rows = np.column_stack([self.basis, self.predicted + self.rest])
+        rows = slow_part(rows.reshape(*shape, -1), cosines).reshape(rows.shape)
+        root = posterior_of(rows[:, :-1], rank=APART, lengths=np.ones(width)).root
+        basis, target = rows[:, :-1] @ root, rows[:, -1]
+        predicted = basis @ (basis.T @ target)
+        shares = shares_of_basis(basis.reshape(*shape, -1))
+        return FreeFit(
+            self.samples, self.scale, self.root @ root, basis, predicted, target - predicted, shares
+        )
 
     def shares_with(self, directions: Array) -> tuple[Array, ...]:
         """Shares beside further orthonormal columns, (N n, k), orthogonal to the basis."""

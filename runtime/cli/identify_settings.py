@@ -143,8 +143,8 @@ class IdentifySettings(FitChoices):
         """Settings of Python: the fields of the same names, of which some are files."""
         if self.save_statistics and not self.certify:
             raise IdentificationError(
-                "the setting save_statistics needs the uncertainty, which certify=false leaves out; "
-                "leave one of them out"
+                "save_statistics needs the uncertainty, which certify=false leaves out; "
+                "leave out one of them"
             )
         same = {field.name for field in fields(self)} & set(NAMES)
         files: dict[str, Any] = {

@@ -141,6 +141,11 @@ class IdentifySettings(FitChoices):
 
     def fitted(self, lib: Library) -> Settings:
         """Settings of Python: the fields of the same names, of which some are files."""
+        if self.save_statistics and not self.certify:
+            raise IdentificationError(
+                "save_statistics needs the uncertainty, which certify=false leaves out; "
+                "leave out one of them"
+            )
         same = {field.name for field in fields(self)} & set(NAMES)
         files: dict[str, Any] = {
             "prior": prior_of(self.prior, lib),

@@ -89,7 +89,7 @@ def statistics_of(result: Identification, unit: str) -> UnitStatistics:
     if information is None:
         raise IdentificationError(
             f"expected a result with an uncertainty, got one of '{result.method}' without; leave "
-            "out --settings save_statistics=true, or identify with certify=True"
+            "out the setting save_statistics, or identify with certify"
         )
     facts = result.friction.facts()
     slow, peak, stroke = (float(facts[key]) for key in WIDTHS)

@@ -29,6 +29,7 @@ from scipy.linalg import solve_triangular
 from scipy.special import fdtrc, fdtri, stdtrit
 
 from runtime.common.tables import significant
+from runtime.errors import IdentificationError
 from runtime.estimators.regression.samples import Samples, samples_of, weights_from
 from runtime.identification.identified import torque_of
 from runtime.identification.saved_result import SavedResult
@@ -43,6 +44,7 @@ from runtime.monitoring.scores import (
     changes_of,
     expected,
     scores_of,
+    tells_changes,
     usual_of,
 )
 from runtime.recording import Recording
@@ -210,6 +212,10 @@ def baseline_of(
     tau = np.concatenate([samples.tau for _, samples in every]) if every else sigma[None]
     over = np.sqrt(weights_from(sigma, tau))
     changes = changes_of(lib, model, tau)
+    if test_rows and not tells_changes(lib, changes, test_rows[1]):
+        test_rows = None
+    for recording, (_, samples) in zip(references, logs, strict=True):
+        _require_length(lib, changes, recording, samples)
 
     def scores(log: tuple[Array, Samples]) -> Scores:
         return scores_of(lib, model, saved.pi, *log, root, over, changes.ranges)
@@ -236,6 +242,14 @@ def _delay_sigma(saved: SavedResult) -> float:
     return 0.0 if saved.preparation.torque_delay_s is not None else UNKNOWN_DELAY
 
 
+def _require_length(lib: Library, changes: Changes, recording: Recording, samples: Samples) -> None:
+    if not tells_changes(lib, changes, samples):
+        raise IdentificationError(
+            f"'{recording.name or 'log'}' holds {np.ptp(recording.t):.2g} s of motion, in which "
+            "changes of this robot look like noise; give a longer log"
+        )
+
+
 def _rows(lib: Library, recording: Recording) -> tuple[Array, Samples]:
     """Instants and samples of a prepared log, thinned."""
     step = max(1, -(-len(recording) // MOST_ROWS))
@@ -250,6 +264,7 @@ def verdict_of(
     saved, changes, usual = baseline.saved, baseline.changes, baseline.usual
     model = model_of(saved, lib)
     t, samples = _rows(lib, recording)
+    _require_length(lib, changes, recording, samples)
     scores = scores_of(
         lib, model, saved.pi, t, samples, baseline.root, baseline.over, changes.ranges
     )

@@ -1,6 +1,7 @@
 """Scores of a log over all changes that are distinguished, and their covariance on a healthy robot.
 
-For log i with residual r_i over its noise and the columns H_i of all changes, Q_i orthonormal,
+For log i with residual r_i over its noise and the slow parts H_i of the columns of all changes
+(`slow_rows`), Q_i orthonormal,
 
     z_i = Q_iᵀ r_i = Q_iᵀ [H_i (u + d_i) + X_i L ε + N_i s] + e_i
     u, d_i ~ N(0, T²),   ε ~ N(0, a²),   e_i ~ N(0, V_i)
@@ -24,9 +25,16 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_basis
-from runtime.estimators.regression.model_error import SHAPES, nuisance_columns, torque_ranges
+from runtime.estimators.regression.model_error import (
+    BLOCK_S,
+    FEWEST,
+    SHAPES,
+    nuisance_columns,
+    torque_ranges,
+)
 from runtime.estimators.regression.posterior import APART, posterior_of
 from runtime.estimators.regression.samples import Samples
+from runtime.estimators.regression.slow_rows import slow_cosines, slow_part, tells
 from runtime.identification.identified import torque_of
 from runtime.library import Array, Library
 from runtime.library.manifest import torque_units
@@ -35,10 +43,9 @@ from runtime.recording.preprocessing.segments import rate_of
 from runtime.recording.rest_speeds import rest_speeds
 from runtime.recording.settings import COLUMNS
 
-BLOCK_S = 2.0
-"""Length of a block; 1 and 5 s give the same σ to 15 % on an industrial arm [s]."""
 ROBUST = 0.5
-"""Share of the scatter between blocks in V; the rest is their mean, which few blocks determine."""
+"""Share of the scatter between blocks in V; the rest is their mean, which few blocks determine, and
+the whole of it with less than `FEWEST` blocks."""
 USUAL = {
     "clock": 0.0007,
     "sensor gain": 0.005,
@@ -138,6 +145,11 @@ def changes_of(lib: Library, model: MonitoredModel, tau: Array) -> Changes:
     return Changes(names, np.array(units), shown, ranges)
 
 
+def tells_changes(lib: Library, changes: Changes, samples: Samples) -> bool:
+    """Whether a log is long enough for scores over all changes."""
+    return tells(samples, len(changes.names) + len(lib.base_matrix))
+
+
 def _changing(model: MonitoredModel) -> list[tuple[int, int]]:
     """Joint and number of the friction columns that may change."""
     records = [COLUMNS[name] for name in model.terms.columns]
@@ -180,25 +192,29 @@ def scores_of(
         named.append(samples.friction(only))
     columns = np.concatenate([np.stack(named, axis=2), base], axis=2) * over[:, None]
     known = np.concatenate([base, samples.friction_rows()], axis=2) * over[:, None]
-    flat = columns.reshape(count * n, -1)
+    cosines = slow_cosines(samples)
+    flat = slow_part(columns, cosines).reshape(count * n, -1)
     q = flat @ posterior_of(flat, rank=APART).root
     z = q.T @ e.ravel()
     basis, rest = q.reshape(count, n, -1), e - (q @ z).reshape(e.shape)
-    coloured = coloured_noise_of_basis([(basis, rest)], 1)
+    slow = slow_part(rest, cosines)
+    density = coloured_noise_of_basis([(basis, slow)], 1).density
+    variance = max(float(np.sum(rest**2)) + len(z) * density, 1e-300) / rest.size
     block = ((t - t[0]) // BLOCK_S).astype(int)
     starts = np.flatnonzero(np.diff(block, prepend=block[0] - 1))
-    g = np.add.reduceat(np.einsum("ijk,ij->ik", basis, rest), starts, axis=0)
+    g = np.add.reduceat(np.einsum("ijk,ij->ik", basis, slow), starts, axis=0)
     meat = g.T @ g * (len(g) / max(len(g) - 1, 1))
-    level = max(coloured.density, float(np.trace(meat)) / max(len(z), 1), 1e-300)
-    noise = (1 - ROBUST) * level * np.eye(len(z)) + ROBUST * meat
+    level = max(density, float(np.trace(meat)) / max(len(z), 1), 1e-300)
+    robust = ROBUST if len(g) >= FEWEST else 0.0
+    noise = (1 - robust) * level * np.eye(len(z)) + robust * meat
     dry = np.where(model.dry_friction > 0, model.dry_friction, DRY * ranges) * over
     for j, held in _at_rest(t, np.abs(samples.dq) < rest_speeds(lib), basis):
         noise += dry[j] ** 2 * np.outer(held, held)
     cutoff = model.preparation.cutoff_hz
     white = max(1.0, 0.5 / (cutoff * float(np.median(np.diff(t))))) if cutoff else 1.0
-    misfit = level / (white * max(coloured.variance, 1e-300))
+    misfit = level / (white * variance)
     error = q.T @ (known.reshape(count * n, -1) @ root)
-    n_eff = count / max(coloured.inflation, 1.0)
+    n_eff = count / max(density / variance, 1.0)
     shapes = nuisance_columns(lib, pi, samples) * over[..., None]
     shape = np.einsum("njr,njs->rjs", q.reshape(count, n, -1), shapes, optimize=True)
     shape = shape.reshape(q.shape[1], -1)

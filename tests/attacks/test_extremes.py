@@ -237,6 +237,15 @@ def test_results_of_other_equations_are_read_again(
     assert read.code == 0, read.err
 
 
+def test_statistics_without_an_uncertainty_are_refused_first(desk: Desk, command: Command) -> None:
+    """Property: the result was written before the option that it cannot serve was refused."""
+    words = ("--settings", "certify=false", "--settings", "save_statistics=true")
+    ran = command(*desk.identify("good.csv", *words))
+    assert ran.code == 2
+    assert "save_statistics needs the uncertainty, which certify=false leaves out" in ran.err
+    assert not (desk.folder / "out").exists()
+
+
 @settings(max_examples=16, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_what_identify_writes_evaluate_reads(

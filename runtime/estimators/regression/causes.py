@@ -14,7 +14,10 @@ gains. The columns of the causes, each relative to what the fit or the model π 
     tilt of the base       −A_d(q) π across gravity, A_d = ∂/∂q [e_d · (R_k, p_k)]
 
 The common factor of all gains is not identifiable and drops out. Rows of momenta or power have no
-columns of poses. Source: Breusch & Pagan 1980 for score tests, Cameron & Miller 2015 for blocks.
+columns of poses.
+
+All rows are slow parts (`slow_rows`), and a log that is too short for them hides every cause.
+Source: Breusch & Pagan 1980 for score tests, Cameron & Miller 2015 for blocks.
 """
 
 from collections.abc import Iterator
@@ -30,10 +33,10 @@ from runtime.estimators.regression.model_error import (
     free_fit,
     nuisance_of,
     scatter,
-    time_step,
 )
 from runtime.estimators.regression.posterior import APART, ROUNDING, posterior_of
 from runtime.estimators.regression.samples import Samples
+from runtime.estimators.regression.slow_rows import slow_cosines, slow_part, tells, time_step
 from runtime.library import Array, Library
 from runtime.library.parameters import first_moment, links, mass
 
@@ -131,9 +134,14 @@ def causes_of(lib: Library, fit: FreeFit, pi: Array) -> Causes:
     if fit.samples.equations != lib.n_joints:
         return Causes()
     count, n = len(fit.samples), fit.scale.size
+    cosines = slow_cosines(fit.samples)
+    fit = fit.slow(cosines)
     kinds, parts = zip(*_columns(lib, fit, pi), strict=True)
+    parts = tuple(slow_part(each, cosines) for each in parts)
     groups = np.repeat(np.arange(len(kinds)), [each.shape[2] for each in parts])
     columns = np.concatenate(parts, axis=2).reshape(count * n, -1)
+    if not tells(fit.samples, fit.basis.shape[1] + columns.shape[1]):
+        return Causes(tuple(Cause(kind, j, 0.0, np.inf, 0.0, 0.0, np.inf) for kind, j, _ in kinds))
     lengths = np.linalg.norm(columns, axis=0)
     columns = columns - fit.basis @ (fit.basis.T @ columns)
     # A column that lies in those of β and φ, or a torque of zero, leaves rounding only.

@@ -61,6 +61,7 @@ from runtime.estimators.regression.posterior import (
     posterior_of,
 )
 from runtime.estimators.regression.samples import Samples
+from runtime.estimators.regression.slow_rows import slow_part, time_step
 from runtime.library import Array, Library
 from runtime.recording.friction.columns import dahl_state
 from runtime.recording.settings import DAHL_STROKE, STRIBECK_SPEED
@@ -90,6 +91,19 @@ class FreeFit:
     predicted: Array  # weighted torque of the fit, (N n,)
     rest: Array  # weighted residual, (N n,)
     shares: tuple[Array, ...]  # of every frequency that the basis takes up, by `shares_of_basis`
+
+    def slow(self, cosines: int) -> "FreeFit":
+        """The fit of the slow part of the rows, the first cosines of time."""
+        shape, width = (len(self.samples), self.scale.size), self.basis.shape[1]
+        rows = np.column_stack([self.basis, self.predicted + self.rest])
+        rows = slow_part(rows.reshape(*shape, -1), cosines).reshape(rows.shape)
+        root = posterior_of(rows[:, :-1], rank=APART, lengths=np.ones(width)).root
+        basis, target = rows[:, :-1] @ root, rows[:, -1]
+        predicted = basis @ (basis.T @ target)
+        shares = shares_of_basis(basis.reshape(*shape, -1))
+        return FreeFit(
+            self.samples, self.scale, self.root @ root, basis, predicted, target - predicted, shares
+        )
 
     def shares_with(self, directions: Array) -> tuple[Array, ...]:
         """Shares beside further orthonormal columns, (N n, k), orthogonal to the basis."""
@@ -431,9 +445,3 @@ def scatter(samples: Samples, basis: Array, rest: Array, density: float) -> Arra
     meat = each.T @ each * (k / (k - 1))
     level, share = max(density, float(np.trace(meat)) / p), min(1.0, k / (PER_COLUMN * p))
     return np.asarray((1 - share) * level * np.eye(p) + share * meat)
-
-
-def time_step(samples: Samples) -> float:
-    """Mean time step [s]: 2 h = ⟨q_(i+1) − q_(i−1), dq_i⟩ / ⟨dq_i, dq_i⟩; 0 at rest."""
-    moved, speed = (samples.q[2:] - samples.q[:-2]).ravel(), samples.dq[1:-1].ravel()
-    return max(float(moved @ speed) / max(float(speed @ speed), 1e-300) / 2, 0.0)

@@ -10,7 +10,14 @@ import pytest
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.nonlinear_limits import IntervalBounds, SampledMotion
 from runtime.excitation.proof import bounds
-from runtime.excitation.proof.bounds import MotionGrid, Peaks, _see_braking, constraint_bounds
+from runtime.excitation.proof.bounds import (
+    SAFETY,
+    MotionGrid,
+    Peaks,
+    _see_braking,
+    _see_measured,
+    constraint_bounds,
+)
 from runtime.library import Library
 from tests.runtime.excitation.proof.spiked import Spiked
 
@@ -132,3 +139,15 @@ def test_a_long_interval_is_above_the_short_ones_inside() -> None:
     peaks = Peaks(law, is_proven=True)
     _see_braking(peaks, law, grid, 60, forwards=True)
     assert peaks.bounds()[0].bound == pytest.approx(210 * 20**2 / 8 + 231 / 8, rel=1e-12)
+
+
+def test_a_measured_bend_counts_in_both_neighbours() -> None:
+    """Oracle: a slope that changes by 1 in interval 5 bends the value in 4, 5 and 6 by SAFETY/8."""
+    for peak, bent in ((3, False), (4, True), (7, True), (8, False)):  # the end that is highest
+        g, slope = np.zeros((11, 1)), np.where(np.arange(11)[:, None] > 5, 1.0, 0.0)
+        g[peak] = 2.0
+        grid = SimpleNamespace(step=1.0, between=lambda first, last: np.zeros((5, 11, 1)))
+        law = SimpleNamespace(labels=("",), along=lambda _, g=g, slope=slope: (g, slope))
+        peaks = Peaks(law, is_proven=False)
+        _see_measured([peaks], None, grid, 10)
+        assert peaks.bounds()[0].bound == pytest.approx(2.0 + bent * SAFETY / 8, rel=1e-12)

@@ -13,8 +13,10 @@ from scipy.fft import dct, idct
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array
 
-BAND_HZ, OF_SPEED = 5.0, 0.99
-"""Band of the motion of an arm [Hz], and least share of the power of the speeds that it holds."""
+BAND_HZ, OF_SPEED = 6.0, 0.99
+"""Band of the motion of an arm [Hz], and least share of the power of the speeds that it holds. From
+6 Hz on, causes on a real Panda have their whole T; clean cuts of 2.5 to 5 s with 2e-5 rad of noise
+name 2 causes in 132 at 6 Hz, 4 at 8 and 11 at 12."""
 ENOUGH = 1.5
 """Least number of slow equations per unknown: fewer leave no estimate of the noise."""
 

@@ -20,14 +20,7 @@ from runtime.excitation import Trajectory
 from runtime.identification.single_log import identify_recording
 from runtime.identification.statistics_file import FILE, statistics_of, write_statistics
 from runtime.library import Array, Library
-from runtime.monitoring.fleet.fleet_prior import (
-    FleetFit,
-    fit_fleet,
-    fit_friction,
-    fit_noise,
-    prior_text,
-    write_prior,
-)
+from runtime.monitoring.fleet import fleet_prior
 from runtime.monitoring.fleet.gather import unit_of
 from runtime.recording import Friction, Preparation
 from runtime.recording.preprocessing import prepare
@@ -57,7 +50,7 @@ WAYS = (
 class FleetTrials:
     """Errors of new units."""
 
-    fit: FleetFit
+    fit: fleet_prior.FleetFit
     rms: Array  # RMS torque error on the test motion by way and unit, (6, count, n) [N·m]
     consistent: bool  # whether all links of all models are strictly consistent
 
@@ -76,13 +69,17 @@ def fleet_trials(
         )
         result = identified(lib, log, TERMS, None)
         known.append(unit_of(statistics_of(result, f"u{u}"), lib, f"u{u}"))
-    fit = fit_fleet(lib, known)
+    fit = fleet_prior.fit_fleet(lib, known)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "fleet.toml"
-        text = prior_text(
-            lib, [u.name for u in known], fit, fit_friction(lib, known, fit), fit_noise(known, fit)
+        text = fleet_prior.prior_text(
+            lib,
+            [u.name for u in known],
+            fit,
+            fleet_prior.fit_friction(lib, known, fit),
+            fleet_prior.fit_noise(known, fit),
         )
-        write_prior(path, text, lib)
+        fleet_prior.write_prior(path, text, lib)
         prior = read_prior(path, lib)
     rms = np.zeros((len(WAYS), count, lib.n_joints))
     consistent = bool((lib.relative_eigenvalues(fit.pi) > 0).all())

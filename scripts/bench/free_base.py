@@ -17,11 +17,7 @@ import numpy as np
 from bench.front import Sheet, sheet_of
 from bench.same_results_inputs import DRIVER_HZ, icub_arrays
 from runtime.estimators.regression.samples import NORMAL_95
-from runtime.identification.free_base.drives import (
-    measured_vertical,
-    needed_vertical,
-    vertical_force,
-)
+from runtime.identification.free_base import drives
 from runtime.identification.free_base.identify import identify_free_base
 from runtime.identification.free_base.result import FreeBaseIdentification
 from runtime.identification.result_record import VerticalForcePart
@@ -191,11 +187,11 @@ def _predicted(
     second = (motion.t >= (motion.t[0] + motion.t[-1]) / 2) & (motion.t <= motion.t[-1] - TRIM_S)
     phi = np.array([[each.value for each in result.record.sensors.values()]])
     rows = motion.rows(np.flatnonzero(second))
-    vertical = vertical_force(result.lib, rows, result.pi, phi)
-    measured = measured_vertical(result.lib, rows)
+    vertical = drives.vertical_force(result.lib, rows, result.pi, phi)
+    measured = drives.measured_vertical(result.lib, rows)
     if vertical is None or measured is None:
         raise RuntimeError("expected vertical forces of both feet in walking.npz")
-    return vertical, (measured, needed_vertical(result.lib, rows, result.lib.pi0))
+    return vertical, (measured, drives.needed_vertical(result.lib, rows, result.lib.pi0))
 
 
 def _best_mass(f: Array, p: Array) -> float:
@@ -248,11 +244,9 @@ def trial(robot: str, seed: int, lib: Library, urdf: str) -> Trial:
         change = centre(lib, pi, chosen) - centre(lib, true, chosen)
         return 1e3 * float(np.linalg.norm(change))
 
-    base, error = lib.base_matrix, result.pi - true
-    pi_holds = np.abs(error) < NORMAL_95 * np.linalg.norm(result.posterior.pi_root, axis=1)
-    beta_holds = np.abs(base @ error) < NORMAL_95 * np.linalg.norm(
-        base @ result.posterior.pi_root, axis=1
-    )
+    base, error, root = lib.base_matrix, result.pi - true, result.posterior.pi_root
+    pi_holds = np.abs(error) < NORMAL_95 * np.linalg.norm(root, axis=1)
+    beta_holds = np.abs(base @ error) < NORMAL_95 * np.linalg.norm(base @ root, axis=1)
     cells = (
         *(robot, seed, total, sigma, 100 * (total / mass - 1)),
         100 * (float(lib.pi0[MASS::10].sum()) / mass - 1),

@@ -28,16 +28,10 @@ from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import SavedResult, read_result
 from runtime.identification.single_log import identify_recording as fit
 from runtime.library import Array, Library
+from runtime.monitoring import noise
 from runtime.monitoring.calibration import calibrated, calibrated_on
 from runtime.monitoring.drift import Verdict, baseline_of, verdict_of
 from runtime.monitoring.model import MonitoredModel, model_of
-from runtime.monitoring.noise import (
-    AlarmRate,
-    HeldOutResidual,
-    alarm_rate,
-    read_held_out,
-    read_test_rows,
-)
 from runtime.monitoring.observation import (
     Detector,
     detector_for,
@@ -65,7 +59,7 @@ class Known:
     saved: SavedResult
     posterior: SavedPosterior
     model: MonitoredModel
-    held_out: HeldOutResidual
+    held_out: noise.HeldOutResidual
     test_rows: tuple[np.ndarray, Samples] | None
 
 
@@ -80,7 +74,7 @@ def known_of(lib: Library, log: Recording, terms: Friction | None = None, **how:
         saved = read_result(folder)
         model = model_of(saved, lib)
         posterior = read_posterior(folder, saved, lib)
-        held_out, rows = read_held_out(folder, model), read_test_rows(folder, model)
+        held_out, rows = noise.read_held_out(folder, model), noise.read_test_rows(folder, model)
         return Known(saved, posterior, model, held_out, rows)
 
 
@@ -141,9 +135,9 @@ def _sizes(pi: Array) -> Array:
     return np.column_stack([each, bodies[..., 0].sum(axis=1)])
 
 
-def stated(per_hour: float) -> AlarmRate:
+def stated(per_hour: float) -> noise.AlarmRate:
     """Rate of false alarms per hour."""
-    return alarm_rate(f"{per_hour:g} per hour")
+    return noise.alarm_rate(f"{per_hour:g} per hour")
 
 
 SAMPLES, REPEATS, RUNS = 4000, 50, 7

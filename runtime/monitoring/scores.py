@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 
-from runtime.estimators.regression.coloured_noise import coloured_noise_of_basis
+from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of_basis
 from runtime.estimators.regression.model_error import (
     BLOCK_S,
     FEWEST,
@@ -147,7 +147,8 @@ def changes_of(lib: Library, model: MonitoredModel, tau: Array) -> Changes:
 
 def tells_changes(lib: Library, changes: Changes, samples: Samples) -> bool:
     """Whether a log is long enough for scores over all changes."""
-    return tells(samples, len(changes.names) + len(lib.base_matrix))
+    unknowns = len(changes.names) + len(lib.base_matrix)
+    return tells(samples, slow_cosines(samples), unknowns)
 
 
 def _changing(model: MonitoredModel) -> list[tuple[int, int]]:
@@ -199,12 +200,13 @@ def scores_of(
     basis, rest = q.reshape(count, n, -1), e - (q @ z).reshape(e.shape)
     slow = slow_part(rest, cosines)
     density = coloured_noise_of_basis([(basis, slow)], 1).density
-    variance = max(float(np.sum(rest**2)) + len(z) * density, 1e-300) / rest.size
+    # The variance is that of all rows, fast ones too.
+    coloured = ColouredNoise(density, (float(np.sum(rest**2)) + len(z) * density) / rest.size)
     block = ((t - t[0]) // BLOCK_S).astype(int)
     starts = np.flatnonzero(np.diff(block, prepend=block[0] - 1))
     g = np.add.reduceat(np.einsum("ijk,ij->ik", basis, slow), starts, axis=0)
     meat = g.T @ g * (len(g) / max(len(g) - 1, 1))
-    level = max(density, float(np.trace(meat)) / max(len(z), 1), 1e-300)
+    level = max(coloured.density, float(np.trace(meat)) / max(len(z), 1), 1e-300)
     robust = ROBUST if len(g) >= FEWEST else 0.0
     noise = (1 - robust) * level * np.eye(len(z)) + robust * meat
     dry = np.where(model.dry_friction > 0, model.dry_friction, DRY * ranges) * over
@@ -212,9 +214,9 @@ def scores_of(
         noise += dry[j] ** 2 * np.outer(held, held)
     cutoff = model.preparation.cutoff_hz
     white = max(1.0, 0.5 / (cutoff * float(np.median(np.diff(t))))) if cutoff else 1.0
-    misfit = level / (white * variance)
+    misfit = level / (white * max(coloured.variance, 1e-300))
     error = q.T @ (known.reshape(count * n, -1) @ root)
-    n_eff = count / max(density / variance, 1.0)
+    n_eff = count / max(coloured.inflation, 1.0)
     shapes = nuisance_columns(lib, pi, samples) * over[..., None]
     shape = np.einsum("njr,njs->rjs", q.reshape(count, n, -1), shapes, optimize=True)
     shape = shape.reshape(q.shape[1], -1)

@@ -9,13 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.excitation.limits.carried_body import (
-    CarriedClearance,
-    CarriedHeight,
-    ObstacleClearance,
-)
 from runtime.excitation.limits.constraints import constraints
-from runtime.excitation.limits.distance_limits import LinkClearance, TableClearance
+from runtime.excitation.limits.distance_limits import Clearance
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.limits.torque_limits import Torque
 from runtime.excitation.proof.certificate import KINDS, Certificate, CertifiedMotion
@@ -23,7 +18,6 @@ from runtime.library import Array, Library
 
 SAMPLES = 1001
 """Number of times over the motion; with the ends and the middle."""
-_DISTANCES = LinkClearance, TableClearance, CarriedClearance, CarriedHeight, ObstacleClearance
 _EDGE = 201
 """Number of points of the velocity bound over a range."""
 
@@ -100,7 +94,7 @@ def profile_of(certified: CertifiedMotion, samples: int = SAMPLES) -> MotionProf
     for constraint in constraints(lib, trajectory.home, safety or Safety(torque_fraction=1.0)):
         if isinstance(constraint, Torque):
             tau, torque_band = constraint.smooth(motion), Band(-constraint.limit, constraint.limit)
-        elif isinstance(constraint, _DISTANCES):
+        elif isinstance(constraint, Clearance):
             margins = np.broadcast_to(constraint.margin, len(constraint.labels))
             rows = zip(constraint.labels, constraint.distances(motion).T, margins, strict=True)
             gaps += [Gap(constraint.kind, label, row, float(least)) for label, row, least in rows]

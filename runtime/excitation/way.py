@@ -23,16 +23,15 @@ from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.constraints import constraints
-from runtime.excitation.limits.dependent_joints import DependentPosition, DependentVelocity
-from runtime.excitation.limits.distance_limits import TipSpeed, use_of
+from runtime.excitation.limits.dependent_joints import KINDS as DEPENDENT
+from runtime.excitation.limits.distance_limits import use_of
 from runtime.excitation.limits.limit_rows import DEFAULT_ACCELERATION
 from runtime.excitation.limits.nonlinear_limits import Braking, Constraint
 from runtime.excitation.limits.safety import Safety
-from runtime.excitation.limits.torque_limits import TorqueRate
 from runtime.excitation.motion.family import Transfer
 from runtime.excitation.motion.trajectory import GAP, Trajectory, end_of
 from runtime.excitation.proof.bounds import KINDS
-from runtime.excitation.proof.certificate import DISTANCES, Certificate, certificate_of
+from runtime.excitation.proof.certificate import PLACES, Certificate, certificate_of
 from runtime.excitation.search.design_settings import LONGEST
 from runtime.library import Array, Library
 
@@ -56,10 +55,8 @@ class FreePoses:
     def __init__(self, lib: Library, safety: Safety, ends: Array) -> None:
         self._lib = lib
         # Braking enters by the range; speeds and rates vanish at rest.
-        moving = Braking, TorqueRate, TipSpeed, DependentVelocity
-        self._limits = [
-            one for one in constraints(lib, ends[0], safety) if not isinstance(one, moving)
-        ]
+        moving = {Braking.kind, *TIMED}
+        self._limits = [one for one in constraints(lib, ends[0], safety) if one.kind not in moving]
         self.lower, self.upper = _range(lib)
         for pose, name in zip(ends, ("start", "end"), strict=True):
             self._require(pose, name)
@@ -213,13 +210,8 @@ POINTS = (8, 16, 32, 64, 128)
 """Numbers of control points that are tried in turn on a way with corners."""
 SAMPLES = 400
 """Number of poses of a rounded way that are examined before its certificate."""
-TIMED = (
-    *("velocity", DependentVelocity.kind, "acceleration", "jerk"),
-    *("torque rate", "tip speed"),
-)
+TIMED = (*("velocity", DEPENDENT[1], "acceleration", "jerk"), *("torque rate", "tip speed"))
 """Limits that a longer duration keeps; they keep the share of the motion."""
-UNTIMED = {DependentPosition.kind, "tip box", *DISTANCES}
-"""Limits of the places on a way."""
 SHORTEST = 0.2
 """Shortest way [s]."""
 _ATTEMPTS = 40
@@ -308,7 +300,7 @@ def _sampled(
 ) -> Trajectory:
     """The motion with the shortest duration that keeps the limits at samples, to `_SLOWER`."""
     duration = max(SHORTEST, _least_duration(lib, moved, share))
-    timed = [one for one in limits if one.kind not in UNTIMED]
+    timed = [one for one in limits if one.kind not in PLACES]
     for _ in range(_ATTEMPTS):
         motion = np.array(
             replace(moved, duration=duration).at(lib, np.linspace(0.0, duration, SAMPLES + 1))
@@ -341,7 +333,7 @@ def _certified(lib: Library, moved: Trajectory, safety: Safety, share: float) ->
 
 def _use(certificate: Certificate, share: float) -> float | None:
     """Largest use of the limits that a longer duration keeps; None where another is exceeded."""
-    if any(use.kind in {"position", *UNTIMED} for use in certificate.broken):
+    if any(use.kind in PLACES for use in certificate.broken):
         return None
     uses = [use.bound / (share if use.kind in TIMED else 1.0) for use in certificate.uses]
     return max(uses) if np.isfinite(uses).all() else None

@@ -24,6 +24,8 @@ from runtime.excitation.limits.nonlinear_limits import (
 )
 from runtime.library import Array, Library
 
+KINDS = ("position of dependent joints", "velocity of dependent joints")
+
 
 @dataclass(frozen=True, slots=True)
 class DependentJoints:
@@ -71,18 +73,30 @@ class DependentJoints:
 
 
 @dataclass(frozen=True, slots=True)
-class _OfDependents:
-    """Ends of a quantity of R dependent joints, upper ones first; an infinite end has no row."""
+class DependentLimit:
+    """Ends of the position or the velocity of R dependent joints, upper ones first.
 
-    order: ClassVar[int]
-    per: ClassVar[str]
+    An infinite end has no row. The units of g are the way from home to the end, or the limit.
+    """
+
     even: ClassVar[bool] = True
     precision: ClassVar[tuple[float, float]] = SMOOTH
     joints: DependentJoints  # the joints
+    order: int  # 0 of positions, 1 of velocities
     upper: Array  # upper, lower: ends, (R,)
     lower: Array
     above: Array  # above, below: units of g towards both ends, (R,)
     below: Array
+
+    @property
+    def kind(self) -> str:
+        """Quantity that is limited."""
+        return KINDS[self.order]
+
+    @property
+    def orders(self) -> int:
+        """Positions, or positions and velocities."""
+        return self.order + 1
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -94,6 +108,11 @@ class _OfDependents:
         """Values (x − upper) / unit and (lower − x) / unit; x is the position or the velocity."""
         return self._beyond(self.joints.motion(motion)[self.order])
 
+    def slopes(self, motion: Array) -> Array:
+        """Slopes ±∂x/∂q, or ±∂(dx/dt)/∂(q, dq), over the unit."""
+        slopes = self.joints.slopes(motion[0], self.order * motion[1])[:, :, 1 - self.order :]
+        return self._both(slopes.transpose(0, 2, 3, 1)).transpose(0, 3, 1, 2)
+
     def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
         """Values, and rates with the next derivative."""
         states = self.joints.motion(sampled.motion)
@@ -104,18 +123,10 @@ class _OfDependents:
         return np.abs(self._both(self.joints.rise(bounds, self.order)))
 
     def measured(self, row: int, g: float) -> tuple[float, float, str]:
-        """Quantity of a joint at a value of the constraint.
-
-        Args:
-            row: index of the row.
-            g: value of the constraint there.
-
-        Returns:
-            The quantity, its limit and their unit.
-        """
+        """Quantity of a joint at a value of the constraint, its limit and their unit."""
         up, down = np.flatnonzero(np.isfinite(self.upper)), np.flatnonzero(np.isfinite(self.lower))
         j = int(up[row]) if row < len(up) else int(down[row - len(up)])
-        unit = self.joints.units[j] + self.per
+        unit = self.joints.units[j] + ("", "/s")[self.order]
         if row < len(up):
             return float(self.upper[j] + g * self.above[j]), float(self.upper[j]), unit
         return float(self.lower[j] - g * self.below[j]), float(self.lower[j]), unit
@@ -135,52 +146,20 @@ class _OfDependents:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class DependentPosition(_OfDependents):
-    """Position limits of dependent joints, in units of the way from home to the end."""
-
-    kind: ClassVar[str] = "position of dependent joints"
-    orders: ClassVar[int] = 1
-    order: ClassVar[int] = 0
-    per: ClassVar[str] = ""
-
-    def slopes(self, motion: Array) -> Array:
-        """Slopes ±∂x/∂q over the unit."""
-        slopes = self.joints.slopes(motion[0], 0 * motion[0])[:, :, 1].transpose(0, 2, 1)
-        return self._both(slopes).transpose(0, 2, 1)[:, :, None]
-
-
-@dataclass(frozen=True, slots=True)
-class DependentVelocity(_OfDependents):
-    """Velocity limits of dependent joints, in units of the limit."""
-
-    kind: ClassVar[str] = "velocity of dependent joints"
-    orders: ClassVar[int] = 2
-    order: ClassVar[int] = 1
-    per: ClassVar[str] = "/s"
-
-    def slopes(self, motion: Array) -> Array:
-        """Slopes ±∂(dx/dt)/∂(q, dq) over the limit."""
-        slopes = self.joints.slopes(motion[0], motion[1]).transpose(0, 2, 3, 1)
-        return self._both(slopes).transpose(0, 3, 1, 2)
-
-
-def dependent_joints(
-    lib: Library, home: Array
-) -> tuple[DependentPosition | DependentVelocity, ...]:
+def dependent_joints(lib: Library, home: Array) -> tuple[DependentLimit, ...]:
     """Constraints of the dependent joints whose limits do not limit one master alone."""
     joints = DependentJoints(lib, dependent_rows(lib))
     if not joints.rows:
         return ()
     lower, upper, speed = dependent_limits(lib, joints.rows)
     x = lib.all_positions(home)[list(joints.rows)]
-    chosen: list[DependentPosition | DependentVelocity] = []
+    chosen: list[DependentLimit] = []
     if np.isfinite([lower, upper]).any():
         # A joint that is beyond its end at home has no way to it: its unit is 1 rad or m.
         above, below = (np.where(room > 0, room, 1.0) for room in (upper - x, x - lower))
-        chosen.append(DependentPosition(joints, upper, lower, above, below))
+        chosen.append(DependentLimit(joints, 0, upper, lower, above, below))
     if np.isfinite(speed).any():
-        chosen.append(DependentVelocity(joints, speed, -speed, speed, speed))
+        chosen.append(DependentLimit(joints, 1, speed, -speed, speed, speed))
     return tuple(chosen)
 
 

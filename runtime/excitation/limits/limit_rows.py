@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
-from runtime.excitation.limits.dependent_joints import DependentPosition, DependentVelocity
+from runtime.excitation.limits.dependent_joints import DependentLimit
 from runtime.excitation.limits.distance_limits import TipSpeed
 from runtime.excitation.limits.nonlinear_limits import Braking, Constraint
-from runtime.excitation.limits.torque_limits import Torque, TorqueRate
+from runtime.excitation.limits.torque_limits import TorqueLimit
 from runtime.excitation.motion.family import Basis
 from runtime.excitation.motion.trajectory import COSINE
 from runtime.library import Array, Library
@@ -133,7 +133,7 @@ def spared(constraint: Constraint, share: float) -> float:
     """Amount by which g is raised so that g ≤ 0 leaves a share of the limit unused."""
     if isinstance(constraint, TipSpeed):
         return (1 - share**2) / 2
-    uses = Braking | Torque | TorqueRate | DependentPosition | DependentVelocity
+    uses = Braking | TorqueLimit | DependentLimit
     return 1 - share if isinstance(constraint, uses) else 0.0
 
 

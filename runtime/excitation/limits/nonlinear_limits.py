@@ -123,9 +123,13 @@ def times(jacobian: Array, speed: Array) -> Array:
 class Constraint(Protocol):
     """One kind of limit."""
 
-    kind: ClassVar[str]
-    orders: ClassVar[int]
-    """How many of q, dq, ddq, dddq are read."""
+    @property
+    def kind(self) -> str:
+        """Name of the limit in certificates."""
+
+    @property
+    def orders(self) -> int:
+        """How many of q, dq, ddq, dddq are read."""
 
     @property
     def labels(self) -> tuple[str, ...]:

@@ -21,7 +21,6 @@ it: of a spring they are exact to 1e-8, and across a corner of a piecewise linea
 those of its chord.
 """
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -59,14 +58,14 @@ class ModelBand:
 
     def slopes(self, motion: Array, order: int) -> Array:
         """Slopes of `widths`, (N, n, 3 + order, n), of the corner that is reached."""
-        n = motion.shape[2]
+        n, (q, dq, ddq) = motion.shape[2], motion[:3]
         slopes = np.zeros((motion.shape[1], n, 3 + order, n))
         for j, corner in enumerate(self._corners(motion, order)):
             if order:
                 seed = np.broadcast_to(np.eye(n)[j], motion[0].shape)
-                slopes[:, j] = self.lib.torque_rate_adjoint(*_four(motion), corner, seed)
+                slopes[:, j] = self.lib.torque_rate_adjoint(q, dq, ddq, motion[3], corner, seed)
             else:
-                parts = self.lib.torque_derivatives(*_three(motion), corner)[1:]
+                parts = self.lib.torque_derivatives(q, dq, ddq, corner)[1:]
                 slopes[:, j] = np.stack([part[:, j] for part in parts], axis=1)
             slopes[:, j, order + 1, j] += self.viscous[j] * np.sign(motion[order + 1, :, j])
         return slopes
@@ -97,11 +96,7 @@ class ModelBand:
             return self.lib.regressor(motion[0], motion[1], motion[2])[..., self._used]
         columns = [np.zeros((*motion[0].shape, 0))]
         for p in self._used:
-            unit = np.eye(len(self.pi))[p]
-            if order:
-                column = self.lib.torque_rate(*_four(motion), unit)
-            else:
-                column = self.lib.inverse_dynamics(*_three(motion), unit)
+            column = _torque(self.lib, motion, np.eye(len(self.pi))[p], order)
             columns.append(column[..., None])
         return np.concatenate(columns, axis=-1)
 
@@ -150,7 +145,7 @@ def known_torque_of(lib: Library) -> KnownTorque | None:
 
 
 @dataclass(frozen=True, slots=True)
-class _OfJoints(ABC):
+class TorqueLimit:
     """Constraint ±dᵏ(τ + f_v dq)/dtᵏ / limit − 1, row by joint, positive sign first."""
 
     order: ClassVar[int]
@@ -187,9 +182,13 @@ class _OfJoints(ABC):
         limit = float(self.limit[row % len(self.limit)])
         return (1 + g) * limit, limit, self.unit
 
-    @abstractmethod
     def smooth(self, motion: Array) -> Array:
         """Torque or its rate with springs and curves, (N, n) N·m or N·m/s, N or N/s for a slide."""
+        smooth = _torque(self.lib, motion, self.pi, self.order)
+        if self.springs is not None:
+            held = self.springs.along(motion)[1] if self.order else self.springs.torque(motion[0])
+            smooth = smooth + held
+        return smooth + self.viscous * motion[self.order + 1]
 
     def values(self, motion: Array) -> Array:
         """Values ±dᵏ(τ + f_v dq)/dtᵏ / limit − 1."""
@@ -237,7 +236,7 @@ class _OfJoints(ABC):
 
 
 @dataclass(frozen=True, slots=True)
-class Torque(_OfJoints):
+class Torque(TorqueLimit):
     """Torque limit |τ + f_v dq| ≤ share · effort − f_c.
 
     Coulomb friction may act either way for a moment at every turn, so that it lowers the limit.
@@ -249,23 +248,17 @@ class Torque(_OfJoints):
     orders: ClassVar[int] = 3
     unit: ClassVar[str] = "N·m"
 
-    def smooth(self, motion: Array) -> Array:
-        """Torque τ + f_v dq with springs and curves, (N, n) N·m, N for a slide."""
-        smooth = self.lib.inverse_dynamics(*_three(motion), self.pi)
-        if self.springs is not None:
-            smooth = smooth + self.springs.torque(motion[0])
-        return smooth + self.viscous * motion[1]
-
     def slopes(self, motion: Array) -> Array:
         """Slopes ±(∂τ/∂(q, dq, ddq) + f_v) / limit."""
-        slope = np.stack(self.lib.torque_derivatives(*_three(motion), self.pi)[1:], axis=2)
+        q, dq, ddq = motion[:3]
+        slope = np.stack(self.lib.torque_derivatives(q, dq, ddq, self.pi)[1:], axis=2)
         if self.springs is not None:
             slope[:, :, 0] += self.springs.slope(motion[0])
         return self._signed(slope, motion)
 
 
 @dataclass(frozen=True, slots=True)
-class TorqueRate(_OfJoints):
+class TorqueRate(TorqueLimit):
     """Limit |dτ/dt + f_v ddq| ≤ limit; the step of Coulomb friction at a turn is left out."""
 
     kind: ClassVar[str] = "torque rate"
@@ -273,17 +266,10 @@ class TorqueRate(_OfJoints):
     orders: ClassVar[int] = 4
     unit: ClassVar[str] = "N·m/s"
 
-    def smooth(self, motion: Array) -> Array:
-        """Torque rate dτ/dt + f_v ddq with springs and curves, (N, n) N·m/s, N/s for a slide."""
-        smooth = self.lib.torque_rate(*_four(motion), self.pi)
-        if self.springs is not None:
-            smooth = smooth + self.springs.along(motion)[1]
-        return smooth + self.viscous * motion[2]
-
     def slopes(self, motion: Array) -> Array:
         """Slopes ±(∂(dτ/dt)/∂(q, dq, ddq, dddq) + f_v) / limit."""
-        n = motion.shape[2]
-        slope = self.lib.torque_rate_jacobian(*_four(motion), self.pi)[1].reshape(-1, n, 4, n)
+        n, (q, dq, ddq, dddq) = motion.shape[2], motion[:4]
+        slope = self.lib.torque_rate_jacobian(q, dq, ddq, dddq, self.pi)[1].reshape(-1, n, 4, n)
         if self.springs is not None:
             by_q, by_dq = self.springs.rate_slopes(motion)
             slope[:, :, 0] += by_q
@@ -291,12 +277,14 @@ class TorqueRate(_OfJoints):
         return self._signed(slope, motion)
 
 
-def _three(motion: Array) -> tuple[Array, Array, Array]:
-    return motion[0], motion[1], motion[2]
-
-
-def _four(motion: Array) -> tuple[Array, Array, Array, Array]:
-    return *_three(motion), motion[3]
+def _torque(lib: Library, motion: Array, pi: Array, order: int) -> Array:
+    """Torque (order 0) or its rate (order 1) of bodies, (N, n)."""
+    q, dq, ddq = motion[:3]
+    return (
+        lib.torque_rate(q, dq, ddq, motion[3], pi)
+        if order
+        else lib.inverse_dynamics(q, dq, ddq, pi)
+    )
 
 
 def _both(share: Array) -> Array:

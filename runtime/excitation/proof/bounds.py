@@ -36,7 +36,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
-from runtime.excitation.limits.dependent_joints import DependentPosition, DependentVelocity
 from runtime.excitation.limits.nonlinear_limits import (
     Braking,
     Constraint,
@@ -44,7 +43,7 @@ from runtime.excitation.limits.nonlinear_limits import (
     SampledMotion,
     TimedConstraint,
 )
-from runtime.excitation.limits.torque_limits import Torque, TorqueRate
+from runtime.excitation.limits.torque_limits import TorqueLimit
 from runtime.excitation.motion.family import Basis
 from runtime.excitation.motion.trajectory import Trajectory
 from runtime.library import Array, Library
@@ -315,10 +314,8 @@ def constraint_bounds(
 
 def _is_proven(lib: Library, constraint: Braking | TimedConstraint) -> bool:
     """Whether the rise of a constraint is bounded by a theorem."""
-    if isinstance(constraint, Torque | TorqueRate) and constraint.springs is not None:
+    if isinstance(constraint, TorqueLimit) and constraint.springs is not None:
         return False
-    if isinstance(constraint, DependentPosition | DependentVelocity):
-        return not lib.manifest.loops
     return isinstance(constraint, Braking) or lib.bounds_motions
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from runtime.errors import ExportError, IdentificationError
 from runtime.excitation.limits.carried_body import EMPTY_HAND
 from runtime.excitation.limits.constraints import constraints
-from runtime.excitation.limits.dependent_joints import DependentPosition
+from runtime.excitation.limits.dependent_joints import KINDS as DEPENDENT
 from runtime.excitation.limits.distance_limits import use_of
 from runtime.excitation.limits.safety import Safety, unchecked, unstated
 from runtime.excitation.motion.trajectory import JoinedMotion, Trajectory
@@ -99,6 +99,8 @@ class Certificate:
 
 
 DISTANCES = ("self-collision", "table", "obstacle")
+PLACES = {"position", DEPENDENT[0], "tip box", *DISTANCES}
+"""Kinds of limits that a lower speed does not help."""
 
 
 def _sentence(use: Use) -> str:
@@ -244,8 +246,7 @@ def _order(use: Use) -> float:
 def fastest(motion: CertifiedMotion) -> float:
     """Largest speed found by bisection, in whole percents, at which the path keeps its limits."""
     certificate = motion.certificate
-    stays = {"position", DependentPosition.kind, "tip box", *DISTANCES}
-    if any(use.kind in stays or not np.isfinite(use.bound) for use in certificate.broken):
+    if any(use.kind in PLACES or not np.isfinite(use.bound) for use in certificate.broken):
         return 0.0
     low, high = (100, 101) if certificate.holds else (0, 100)
     while high - low > 1:

@@ -58,6 +58,12 @@ class CarriedBox:
                 f"{', '.join(f'{x:g}' for x in self.size)} m"
             )
 
+    def placed(self, link: int) -> "PlacedBox":
+        """The box in its link."""
+        return PlacedBox(
+            link, np.array(self.center), np.array(self.rotation), np.array(self.size) / 2
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class CarriedBody:
@@ -147,87 +153,6 @@ def closest(start: Array, direction: Array, half: Array) -> tuple[Array, Array]:
     return start + best[:, None] * direction, way(best[:, None])[:, 0]
 
 
-@dataclass(frozen=True, slots=True)
-class CarriedClearance(Clearance):
-    """Distances of a box in the hand from the capsules of other links."""
-
-    kind: ClassVar[str] = "self-collision"
-    lib: Library
-    margin: float
-    link: int
-    box: CarriedBox
-    proxies: tuple[ProxyFacts, ...]
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """The body and the capsule of every row."""
-        return tuple(f"{LABEL} and {proxy.name}" for proxy in self.proxies)
-
-    def distances_and_slopes(self, q: Array) -> tuple[Array, Array]:
-        """Distance of the box from every capsule, (N, R) m, and its slopes by q, (N, R, n)."""
-        poses = Poses.at(self.lib, q)
-        # Frame of the box in the base frame.
-        axes = poses.rotation[:, self.link] @ np.array(self.box.rotation)
-        center = poses.placed(self.link, np.array(self.box.center))
-        half = np.array(self.box.size) / 2
-        carried = poses.moved_by(self.link)
-        distances, slopes = [], []
-        for proxy in self.proxies:
-            ends = [poses.placed(proxy.joint, np.array(p)) for p in (proxy.start, proxy.end)]
-            first, last = (np.einsum("tji,tj->ti", axes, end - center) for end in ends)
-            point, way = closest(first, last - first, half)
-            length = np.linalg.norm(way, axis=1)
-            # Inside the box there is no direction: no slope, and the value is −radius.
-            unit = way / np.where(length > _INSIDE, length, np.inf)[:, None]
-            normal = np.einsum("tij,tj->ti", axes, unit)
-            place = np.einsum("tij,tj->ti", axes, point) + center
-            # Joints that move both or neither leave the distance; the line P Q has one moment.
-            sign = poses.moved_by(proxy.joint).astype(float) - carried
-            distances.append(length - proxy.radius)
-            slopes.append(sign * poses.slopes(place, normal))
-        return np.stack(distances, axis=1), np.stack(slopes, axis=1)
-
-    def approaches(self, bounds: IntervalBounds) -> Array:
-        """Bounds of the rates of the distances, (K, R) m/s."""
-        box = _body_of(self.link, self.box)
-        others = (bounds.approach(box, body_of(proxy)) for proxy in self.proxies)
-        return np.stack(list(others), axis=1)
-
-
-@dataclass(frozen=True, slots=True)
-class CarriedHeight(Clearance):
-    """Height of the lowest corner of a box in the hand above a horizontal plane."""
-
-    kind: ClassVar[str] = "table"
-    labels: ClassVar[tuple[str, ...]] = (LABEL,)
-    lib: Library
-    margin: float
-    link: int
-    box: CarriedBox
-    height: float
-
-    def distances_and_slopes(self, q: Array) -> tuple[Array, Array]:
-        """Height of the lowest corner, (N, 1) m, and its slopes by q, (N, 1, n)."""
-        poses = Poses.at(self.lib, q)
-        axes = poses.rotation[:, self.link] @ np.array(self.box.rotation)
-        center = poses.placed(self.link, np.array(self.box.center))
-        # Of every edge the end that lies lower.
-        corner = -np.where(axes[:, 2] < 0, -1.0, 1.0) * np.array(self.box.size) / 2
-        lowest = center + np.einsum("tij,tj->ti", axes, corner)
-        up = np.broadcast_to([0.0, 0.0, 1.0], lowest.shape)
-        slope = poses.slopes(lowest, up) * poses.moved_by(self.link)
-        return lowest[:, 2:] - self.height, slope[:, None]
-
-    def approaches(self, bounds: IntervalBounds) -> Array:
-        """Bound of the rate of the height, (K, 1) m/s."""
-        return bounds.approach(_body_of(self.link, self.box))[:, None]
-
-
-def _body_of(link: int, box: CarriedBox) -> Body:
-    """The box as a body: no corner is farther than its centre and half a diagonal."""
-    return Body(link, float(np.linalg.norm(box.center) + np.linalg.norm(box.size) / 2))
-
-
 OBSTACLE = "obstacle"
 """Kind of the limit in certificates."""
 LARGEST_LENGTH = 100.0
@@ -263,9 +188,11 @@ class Obstacle:
             )
 
     @property
-    def rotation(self) -> Array:
-        """Axes of the box in the base frame, columns of (3, 3)."""
-        return np.asarray(Rotation.from_euler("xyz", self.rpy).as_matrix())
+    def placed(self) -> "PlacedBox":
+        """The box in the base frame."""
+        turn = np.asarray(Rotation.from_euler("xyz", self.rpy).as_matrix())
+        center, half = np.array(self.center), np.array(self.size) / 2
+        return PlacedBox(-1, center, turn, half, self.radius)
 
 
 class _Entry(Record, frozen=True, kw_only=True):
@@ -301,69 +228,122 @@ def read_obstacles(path: Path) -> tuple[Obstacle, ...]:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class ObstacleClearance(Clearance):
-    """Distances of capsules from obstacles, the capsules of the first obstacle first."""
+@dataclass(frozen=True, slots=True, eq=False)
+class PlacedBox:
+    """A box grown by a radius, rigid in the link of a joint, or in the base frame (joint −1)."""
 
-    kind: ClassVar[str] = OBSTACLE
-    lib: Library
-    margin: float
-    obstacles: tuple[Obstacle, ...]
-    proxies: tuple[ProxyFacts, ...]
+    joint: int
+    center: Array  # (3,) m in the frame of the link
+    rotation: Array  # axes of the box there, columns of (3, 3)
+    half: Array  # half of its edges, (3,) m
+    radius: float = 0.0  # m
 
     @property
-    def labels(self) -> tuple[str, ...]:
-        """Capsule and obstacle of every row."""
-        return tuple(f"{p.name} and {o.name}" for o in self.obstacles for p in self.proxies)
+    def body(self) -> Body:
+        """The box as a body: no corner is farther than its centre and half a diagonal."""
+        return Body(self.joint, float(np.linalg.norm(self.center) + np.linalg.norm(self.half)))
+
+    def frames(self, poses: Poses) -> tuple[Array, Array]:
+        """Axes (N, 3, 3) and centres (N, 3) in the base frame of a box in a moving link."""
+        axes = poses.rotation[:, self.joint] @ self.rotation
+        return axes, poses.placed(self.joint, self.center)
+
+    def nearest(self, poses: Poses, ends: Array) -> tuple[Array, Array, Array]:
+        """Distance (N,), point of the axis, and direction of axes with ends (N, 2, 3) from the box.
+
+        Inside the box an axis has no direction: no slope, and the distance is 0.
+        """
+        if self.joint < 0:
+            axes, center = self.rotation, self.center
+            local = (ends - center) @ axes
+        else:
+            axes, center = self.frames(poses)
+            first, last = (np.einsum("tji,tj->ti", axes, ends[:, k] - center) for k in (0, 1))
+            local = np.stack([first, last], axis=1)
+        point, way = closest(local[:, 0], local[:, 1] - local[:, 0], self.half)
+        length = np.linalg.norm(way, axis=1)
+        unit = way / np.where(length > _INSIDE, length, np.inf)[:, None]
+        if self.joint < 0:
+            return length, point @ axes.T + center, unit @ axes.T
+        place, normal = (np.einsum("tij,tj->ti", axes, each) for each in (point, unit))
+        return length, place + center, normal
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoxClearance(Clearance):
+    """Distances of capsules from boxes, those from the first box first."""
+
+    kind: str  # "self-collision" of the box in the hand, or `OBSTACLE`
+    labels: tuple[str, ...]  # box and capsule of every row
+    lib: Library
+    margin: float
+    boxes: tuple[PlacedBox, ...]
+    proxies: tuple[ProxyFacts, ...]
 
     def distances(self, motion: Array) -> Array:
         """Distance of every row, (N, R) m, without slopes."""
-        return np.stack([one for one, _, _ in self._nearest(Poses.at(self.lib, motion[0]))], axis=1)
+        rows = self._nearest(Poses.at(self.lib, motion[0]))
+        return np.stack([one for *_, one, _, _ in rows], axis=1)
 
     def distances_and_slopes(self, q: Array) -> tuple[Array, Array]:
         """Distance of every row, (N, R) m, and its slopes by q, (N, R, n)."""
         poses = Poses.at(self.lib, q)
-        rows = list(self._nearest(poses))
-        moving = [poses.moved_by(proxy.joint) for _ in self.obstacles for proxy in self.proxies]
-        slopes = [
-            poses.slopes(place, normal) * moved
-            for (_, place, normal), moved in zip(rows, moving, strict=True)
-        ]
-        return np.stack([one for one, _, _ in rows], axis=1), np.stack(slopes, axis=1)
+        distances, slopes = [], []
+        for box, proxy, distance, place, normal in self._nearest(poses):
+            # Joints that move both or neither leave the distance; the line P Q has one moment.
+            sign = poses.moved_by(proxy.joint).astype(float) - poses.moved_by(box.joint)
+            distances.append(distance)
+            slopes.append(sign * poses.slopes(place, normal))
+        return np.stack(distances, axis=1), np.stack(slopes, axis=1)
 
-    def _nearest(self, poses: Poses) -> Iterator[tuple[Array, Array, Array]]:
-        """Per row the distance (N,), the point of the axis and the direction from the obstacle."""
+    def _nearest(self, poses: Poses) -> Iterator[tuple[PlacedBox, ProxyFacts, Array, Array, Array]]:
+        """Per row box, capsule, distance (N,), point of the axis and direction from the box."""
         axes = [
             np.stack([poses.placed(p.joint, np.array(end)) for end in (p.start, p.end)], axis=1)
             for p in self.proxies
         ]
-        # Ends of all axes, one capsule after another: (R N, 2, 3).
-        ends, count = np.concatenate(axes), len(axes[0])
-        for obstacle in self.obstacles:
-            turn, center = obstacle.rotation, np.array(obstacle.center)
-            local = (ends - center) @ turn
-            half = np.array(obstacle.size) / 2
-            point, way = closest(local[:, 0], local[:, 1] - local[:, 0], half)
-            length = np.linalg.norm(way, axis=1)
-            # An axis inside the box has no direction: no slope, and the value is −radius.
-            normal = way / np.where(length > 0, length, np.inf)[:, None] @ turn.T
-            place = point @ turn.T + center
-            for k, proxy in enumerate(self.proxies):
-                rows = slice(k * count, (k + 1) * count)
-                gap = length[rows] - proxy.radius - obstacle.radius
-                yield gap, place[rows], normal[rows]
+        for box in self.boxes:
+            for proxy, ends in zip(self.proxies, axes, strict=True):
+                length, place, normal = box.nearest(poses, ends)
+                yield box, proxy, length - proxy.radius - box.radius, place, normal
 
     def approaches(self, bounds: IntervalBounds) -> Array:
         """Bounds of the rates of the distances, (K, R) m/s."""
-        speeds = np.stack([bounds.approach(body_of(proxy)) for proxy in self.proxies], axis=1)
-        return np.tile(speeds, len(self.obstacles))
+        pairs = ((box.body, body_of(proxy)) for box in self.boxes for proxy in self.proxies)
+        return np.stack([bounds.approach(*pair) for pair in pairs], axis=1)
 
 
-def capsule_around(box: CarriedBox, link: int) -> ProxyFacts:
+@dataclass(frozen=True, slots=True, eq=False)
+class CarriedHeight(Clearance):
+    """Height of the lowest corner of a box in the hand above a horizontal plane."""
+
+    kind: ClassVar[str] = "table"
+    labels: ClassVar[tuple[str, ...]] = (LABEL,)
+    lib: Library
+    margin: float
+    box: PlacedBox
+    height: float
+
+    def distances_and_slopes(self, q: Array) -> tuple[Array, Array]:
+        """Height of the lowest corner, (N, 1) m, and its slopes by q, (N, 1, n)."""
+        poses = Poses.at(self.lib, q)
+        axes, center = self.box.frames(poses)
+        # Of every edge the end that lies lower.
+        corner = -np.where(axes[:, 2] < 0, -1.0, 1.0) * self.box.half
+        lowest = center + np.einsum("tij,tj->ti", axes, corner)
+        up = np.broadcast_to([0.0, 0.0, 1.0], lowest.shape)
+        slope = poses.slopes(lowest, up) * poses.moved_by(self.box.joint)
+        return lowest[:, 2:] - self.height, slope[:, None]
+
+    def approaches(self, bounds: IntervalBounds) -> Array:
+        """Bound of the rate of the height, (K, 1) m/s."""
+        return bounds.approach(self.box.body)[:, None]
+
+
+def capsule_around(box: PlacedBox) -> ProxyFacts:
     """Capsule that contains a carried box, with its axis parallel to the longest edge."""
-    size, turn = np.array(box.size), np.array(box.rotation)
-    longest = int(np.argmax(size))
-    radius = float(np.hypot(*np.delete(size, longest))) / 2
-    half = turn[:, longest] * size[longest] / 2
-    first, last = (tuple((np.array(box.center) + s * half).tolist()) for s in (-1, 1))
-    return ProxyFacts(LABEL, LABEL, link, first, last, radius)
+    longest = int(np.argmax(box.half))
+    radius = float(np.hypot(*np.delete(2 * box.half, longest))) / 2
+    half = box.rotation[:, longest] * box.half[longest]
+    first, last = (tuple((box.center + s * half).tolist()) for s in (-1, 1))
+    return ProxyFacts(LABEL, LABEL, box.joint, first, last, radius)

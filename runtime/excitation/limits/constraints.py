@@ -5,9 +5,10 @@ from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.carried_body import (
-    CarriedClearance,
+    LABEL,
+    OBSTACLE,
+    BoxClearance,
     CarriedHeight,
-    ObstacleClearance,
     capsule_around,
     with_load,
 )
@@ -173,9 +174,11 @@ def _obstacle_distances(lib: Library, safety: Safety) -> tuple[TimedConstraint, 
         raise _no_proxies(lib, "the distance from obstacles")
     body = safety.carried
     if body is not None and body.box is not None:
-        proxies.append(capsule_around(body.box, body.link))
+        proxies.append(capsule_around(body.box.placed(body.link)))
     margin = TABLE_MARGIN if safety.clearance is None else safety.clearance
-    return (ObstacleClearance(lib, margin, safety.obstacles, tuple(proxies)),)
+    labels = (f"{p.name} and {each.name}" for each in safety.obstacles for p in proxies)
+    boxes = tuple(each.placed for each in safety.obstacles)
+    return (BoxClearance(OBSTACLE, tuple(labels), lib, margin, boxes, tuple(proxies)),)
 
 
 def _carried_distances(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
@@ -184,14 +187,16 @@ def _carried_distances(lib: Library, safety: Safety) -> tuple[TimedConstraint, .
     if body is None or body.box is None:
         return ()
     chosen: list[TimedConstraint] = []
+    box = body.box.placed(body.link)
     others = tuple(proxy for proxy in lib.proxies if proxy.joint != body.link)
     if others:
         stated = max((pair.margin for pair in lib.pairs), default=CARRIED_MARGIN)
         margin = stated if safety.clearance is None else safety.clearance
-        chosen.append(CarriedClearance(lib, margin, body.link, body.box, others))
+        labels = tuple(f"{LABEL} and {proxy.name}" for proxy in others)
+        chosen.append(BoxClearance("self-collision", labels, lib, margin, (box,), others))
     if safety.table is not None:
         margin = TABLE_MARGIN if safety.clearance is None else safety.clearance
-        chosen.append(CarriedHeight(lib, margin, body.link, body.box, safety.table))
+        chosen.append(CarriedHeight(lib, margin, box, safety.table))
     return tuple(chosen)
 
 

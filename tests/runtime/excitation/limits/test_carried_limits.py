@@ -12,7 +12,7 @@ import pytest
 from runtime.cli.motion_limits import carried_body
 from runtime.errors import IdentificationError, RuntimeFault
 from runtime.excitation import Trajectory
-from runtime.excitation.limits.carried_body import CarriedBox, _body_of
+from runtime.excitation.limits.carried_body import CarriedBox
 from runtime.excitation.limits.constraints import constraints, require_rest
 from runtime.excitation.limits.nonlinear_limits import Constraint, SampledMotion
 from runtime.excitation.limits.safety import Safety
@@ -53,7 +53,9 @@ def test_a_box_reaches_as_far_as_its_farthest_corner() -> None:
     box = CarriedBox(tuple(0.7 * size), tuple(map(tuple, np.eye(3))), EDGES)
     signs = np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
     corners = 0.7 * size + signs * size / 2
-    assert _body_of(3, box).reach == pytest.approx(np.linalg.norm(corners, axis=1).max(), rel=1e-12)
+    assert box.placed(3).body.reach == pytest.approx(
+        np.linalg.norm(corners, axis=1).max(), rel=1e-12
+    )
 
 
 def test_torques_carry_the_body(lib: Library, trajectories: tuple[Trajectory, ...]) -> None:

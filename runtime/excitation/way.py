@@ -28,7 +28,7 @@ from runtime.excitation.limits.distance_limits import use_of
 from runtime.excitation.limits.limit_rows import DEFAULT_ACCELERATION
 from runtime.excitation.limits.nonlinear_limits import Braking, Constraint
 from runtime.excitation.limits.safety import Safety
-from runtime.excitation.motion.family import Transfer
+from runtime.excitation.motion.family import Spline
 from runtime.excitation.motion.trajectory import GAP, Trajectory, end_of
 from runtime.excitation.proof.bounds import KINDS
 from runtime.excitation.proof.certificate import PLACES, Certificate, certificate_of
@@ -272,7 +272,9 @@ def _smooth(lib: Library, poses: FreePoses, corners: Array, zero_jerk: bool) -> 
         # The polyline from the start, without it: the last place is the end.
         length = along(corners)[-1] * np.arange(1, points + 1) / points
         a = (places(corners, length) - corners[0]).T
-        moved = Trajectory(corners[0], np.ascontiguousarray(a), 1.0, Transfer(zero_jerk))
+        moved = Trajectory(
+            corners[0], np.ascontiguousarray(a), 1.0, Spline(zero_jerk, arrives=True)
+        )
         q = moved.at(lib, np.linspace(0.0, 1.0, SAMPLES + 1))[0]
         if len(corners) == 2 or poses.are_free(q).all():
             motions.append(moved)

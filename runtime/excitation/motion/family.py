@@ -3,7 +3,7 @@
 Here: quintic B-splines on equal intervals without the outermost ones, or ending at another place.
 """
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Protocol
@@ -14,8 +14,12 @@ from scipy.interpolate import BSpline
 from runtime.library import Array, Library
 
 
-class Basis(Hashable, Protocol):
+class Basis(Protocol):
     """A family of functions, hashable; a motion uses as many as it has coefficients per joint."""
+
+    def __hash__(self) -> int:
+        """Motions of equal bases share tables of their functions."""
+        return hash((self.name, self.zero_jerk))
 
     @property
     def name(self) -> str:
@@ -37,7 +41,7 @@ class Basis(Hashable, Protocol):
         """Number of functions per joint."""
 
     def at(self, lib: Library, size: int, t: Array, duration: float) -> Array:
-        """Functions in time.
+        """Functions in time, by their derivatives by s.
 
         Args:
             lib: the robot, whose kernel the cosines use.
@@ -48,6 +52,10 @@ class Basis(Hashable, Protocol):
         Returns:
             φ_m and three time derivatives, (N, size, 4).
         """
+        del lib
+        derivatives = self.derivatives(4, size, t / duration)
+        powers = duration ** -np.arange(len(derivatives), dtype=float)
+        return np.moveaxis(derivatives * powers[:, None, None], 0, 2)
 
     def derivatives(self, orders: int, size: int, s: Array) -> Array:
         """Derivatives by s.
@@ -73,29 +81,6 @@ class Basis(Hashable, Protocol):
         """
 
 
-class ClosedForm:
-    """A basis whose functions in time follow from its derivatives by s."""
-
-    __slots__ = ()
-
-    def at(self: Basis, lib: Library, size: int, t: Array, duration: float) -> Array:
-        """Functions in time, by the closed form.
-
-        Args:
-            lib: unused.
-            size: number of functions.
-            t: times, (N,) s.
-            duration: t_f, s.
-
-        Returns:
-            φ_m and three time derivatives, (N, size, 4).
-        """
-        del lib
-        derivatives = self.derivatives(4, size, t / duration)
-        powers = duration ** -np.arange(len(derivatives), dtype=float)
-        return np.moveaxis(derivatives * powers[:, None, None], 0, 2)
-
-
 @dataclass(frozen=True, slots=True)
 class BasisFamily:
     """A basis as users select it."""
@@ -105,26 +90,43 @@ class BasisFamily:
     make: Callable[[bool], Basis]  # the basis; true for a third derivative of zero at both ends
 
 
+TRANSFER = "transfer"
+"""Name of the splines that end at another place."""
 DEGREE = 5
 """Degree of the splines: four derivatives are continuous, so that the jerk has a slope to bound."""
 
 
 @dataclass(frozen=True, slots=True)
-class Spline(ClosedForm):
-    """Local functions: a joint may rest while others move."""
+class Spline(Basis):
+    """Local functions: a joint may rest while others move.
+
+    With `arrives` they lead from home to another place: the last function is the sum of the
+    outermost ones, and the only function of one is the quintic 10 s³ − 15 s⁴ + 6 s⁵. The
+    coefficients are control points less home: the motion stays in their convex hull, and the last
+    one is its end.
+    """
 
     zero_jerk: bool = False
-    name = "bspline"
-    arrives = False
+    arrives: bool = False
     is_symmetric = False
+
+    @property
+    def name(self) -> str:
+        """Word in trajectory files."""
+        return TRANSFER if self.arrives else "bspline"
 
     @property
     def equation(self) -> str:
         """Equation as text, for files."""
         gone = self._gone
+        rest = f"without the first and last {gone}"
+        if self.arrives:
+            rest = (
+                f"without the first {gone}, the last {gone} added up; the motion ends at home + a_M"
+            )
         return (
             f"q = home + sum_m a_m B_m(s), s = t/t_f: clamped B-splines of degree {DEGREE} on "
-            f"equal intervals of 0..1, M + {2 * gone} of them without the first and last {gone}"
+            f"equal intervals of 0..1, M + {2 * gone - self.arrives} of them {rest}"
         )
 
     @property
@@ -137,51 +139,12 @@ class Spline(ClosedForm):
         return harmonics
 
     def derivatives(self, orders: int, size: int, s: Array) -> Array:
-        """Derivatives of piecewise polynomials; the fifth is constant between knots.
-
-        Args:
-            orders: number of derivatives, the function itself included.
-            size: number of functions.
-            s: t / t_f, (N,), 0 ≤ s ≤ 1.
-
-        Returns:
-            d^k φ_m/ds^k, k < orders, (orders, N, size).
-        """
+        """Derivatives of piecewise polynomials; the fifth is constant between knots."""
         return np.stack([_spline(size, self._gone, k, self.arrives)(s) for k in range(orders)])
 
     def bound(self, order: int, size: int) -> Array:
-        """Largest coefficient: a spline lies in the convex hull of its coefficients.
-
-        Args:
-            order: k of the derivative.
-            size: number of functions.
-
-        Returns:
-            Upper bounds of |d^k φ_m/ds^k| over 0 ≤ s ≤ 1, (size,).
-        """
+        """Largest coefficient: a spline lies in the convex hull of its coefficients."""
         return np.asarray(np.abs(_spline(size, self._gone, order, self.arrives).c).max(axis=0))
-
-
-class Transfer(Spline):
-    """Splines from home to another place: the last function is the sum of the outermost ones.
-
-    The only function of one is the quintic 10 s³ − 15 s⁴ + 6 s⁵. The coefficients are control
-    points less home: the motion stays in their convex hull, and the last one is its end.
-    """
-
-    __slots__ = ()
-    name = "transfer"
-    arrives = True
-
-    @property
-    def equation(self) -> str:
-        """Equation as text, for files."""
-        gone = self._gone
-        return (
-            f"q = home + sum_m a_m B_m(s), s = t/t_f: clamped B-splines of degree {DEGREE} on "
-            f"equal intervals of 0..1, M + {2 * gone - 1} of them without the first {gone}, the "
-            f"last {gone} added up; the motion ends at home + a_M"
-        )
 
 
 @lru_cache(maxsize=48)

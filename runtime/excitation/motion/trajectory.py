@@ -19,7 +19,7 @@ from numpy.polynomial import Polynomial
 from numpy.polynomial.polynomial import polyval
 
 from runtime.errors import IdentificationError
-from runtime.excitation.motion.family import Basis, BasisFamily, ClosedForm, Transfer
+from runtime.excitation.motion.family import TRANSFER, Basis, BasisFamily, Spline
 from runtime.library import Array, Library
 from runtime.registry import Registry
 
@@ -66,7 +66,7 @@ _JOLT = UnitPolynomial(_U**3 * Polynomial([1.0, -2.0]) / 6)
 
 
 @dataclass(frozen=True, slots=True)
-class Cosine(ClosedForm):
+class Cosine(Basis):
     """Basis of the document: inertia, even in dq, and friction, odd in dq, are orthogonal."""
 
     zero_jerk: bool = False
@@ -86,7 +86,7 @@ class Cosine(ClosedForm):
     def at(self, lib: Library, size: int, t: Array, duration: float) -> Array:
         """Functions (N, size, 4) at times (N,), by the generated kernel where there is one."""
         if self.zero_jerk:
-            return ClosedForm.at(self, lib, size, t, duration)
+            return Basis.at(self, lib, size, t, duration)
         return fourier_basis(lib, size, t, duration)
 
     def derivatives(self, orders: int, size: int, s: Array) -> Array:
@@ -106,7 +106,7 @@ class Cosine(ClosedForm):
 
 
 @dataclass(frozen=True, slots=True)
-class Fourier(ClosedForm):
+class Fourier(Basis):
     """Cosines and sines: half the condition number with as many harmonics, but not out and back."""
 
     zero_jerk: bool = False
@@ -222,8 +222,8 @@ class Trajectory:
 
 def basis_of(name: str, zero_jerk: bool = False) -> Basis:
     """The basis of this name."""
-    if name == Transfer.name:
-        return Transfer(zero_jerk)
+    if name == TRANSFER:
+        return Spline(zero_jerk, arrives=True)
     if name not in BASES:
         raise IdentificationError(
             f"there is no basis '{name}' of trajectories; choose from {', '.join(BASES)}"

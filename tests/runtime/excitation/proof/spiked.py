@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from runtime.excitation.motion.family import ClosedForm
+from runtime.excitation.motion.family import Basis
 from runtime.excitation.motion.trajectory import COSINE
 from runtime.library import Array
 
@@ -14,7 +14,7 @@ BUMP = Polynomial([1.0, 0.0, -1.0]) ** 8
 
 
 @dataclass(frozen=True, slots=True)
-class Spiked(ClosedForm):
+class Spiked(Basis):
     """The cosines, and a bump at `middle` of half the width `half`, both in units of t_f."""
 
     middle: float

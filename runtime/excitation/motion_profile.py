@@ -12,7 +12,7 @@ import numpy as np
 from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.distance_limits import Clearance
 from runtime.excitation.limits.safety import Safety
-from runtime.excitation.limits.torque_limits import Torque
+from runtime.excitation.limits.torque_limits import TorqueLimit
 from runtime.excitation.proof.certificate import KINDS, Certificate, CertifiedMotion
 from runtime.library import Array, Library
 
@@ -92,7 +92,7 @@ def profile_of(certified: CertifiedMotion, samples: int = SAMPLES) -> MotionProf
     torque_band = Band(-free, free)
     tau = lib.inverse_dynamics(motion[0], motion[1], motion[2], lib.pi0)
     for constraint in constraints(lib, trajectory.home, safety or Safety(torque_fraction=1.0)):
-        if isinstance(constraint, Torque):
+        if isinstance(constraint, TorqueLimit) and not constraint.order:
             tau, torque_band = constraint.smooth(motion), Band(-constraint.limit, constraint.limit)
         elif isinstance(constraint, Clearance):
             margins = np.broadcast_to(constraint.margin, len(constraint.labels))

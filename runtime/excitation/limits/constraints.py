@@ -21,7 +21,7 @@ from runtime.excitation.limits.distance_limits import (
 )
 from runtime.excitation.limits.nonlinear_limits import Braking, Constraint, Side, TimedConstraint
 from runtime.excitation.limits.safety import Safety
-from runtime.excitation.limits.torque_limits import ModelBand, Torque, TorqueRate, known_torque_of
+from runtime.excitation.limits.torque_limits import ModelBand, TorqueLimit, known_torque_of
 from runtime.library import Array, Library
 from runtime.library.manifest import torque_units
 
@@ -80,10 +80,10 @@ def _torques(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
                 f"'{lib.joint_names[j]}', {100 * safety.torque_fraction:g} % of "
                 f"{limits['effort'][j]:g} {unit}; lower the friction or raise the share"
             )
-        chosen.append(Torque(lib, pi, limit, *rest))
+        chosen.append(TorqueLimit(0, lib, pi, limit, *rest))
     if np.isfinite(limits["torque_rate"]).any():
         rate = np.broadcast_to(limits["torque_rate"], (n,))
-        chosen.append(TorqueRate(lib, pi, rate, *rest))
+        chosen.append(TorqueLimit(1, lib, pi, rate, *rest))
     return tuple(chosen)
 
 

@@ -37,6 +37,7 @@ from runtime.library import Array, Library
 
 _MANY = 10
 """Parameters above which the whole regressor takes less time than its columns."""
+KINDS = ("torque", "torque rate")
 STEP = 1e-5
 """Step of first differences, rad or m, or s along a motion: ε^⅓ of the usual sizes."""
 WIDE = 1e-4
@@ -146,11 +147,15 @@ def known_torque_of(lib: Library) -> KnownTorque | None:
 
 @dataclass(frozen=True, slots=True)
 class TorqueLimit:
-    """Constraint ±dᵏ(τ + f_v dq)/dtᵏ / limit − 1, row by joint, positive sign first."""
+    """Constraint ±dᵏ(τ + f_v dq)/dtᵏ / limit − 1 of torques (k = 0) or of their rates (k = 1).
 
-    order: ClassVar[int]
-    unit: ClassVar[str]
+    Rows joint by joint, positive sign first. Coulomb friction may act either way for a moment at
+    every turn: it lowers the limit of the torque, which is smooth and never too little; its step at
+    a turn is left out of the rate.
+    """
+
     precision: ClassVar[tuple[float, float]] = SMOOTH
+    order: int  # k
     lib: Library
     pi: Array
     limit: Array
@@ -158,6 +163,16 @@ class TorqueLimit:
     joints: tuple[str, ...]
     band: ModelBand | None = None
     springs: KnownTorque | None = None
+
+    @property
+    def kind(self) -> str:
+        """Quantity that is limited."""
+        return KINDS[self.order]
+
+    @property
+    def orders(self) -> int:
+        """The torque reads q, dq and ddq, its rate dddq too."""
+        return self.order + 3
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -170,17 +185,9 @@ class TorqueLimit:
         return not self.viscous.any()
 
     def measured(self, row: int, g: float) -> tuple[float, float, str]:
-        """Quantity of a row in `unit`, with N instead of N·m for a slide.
-
-        Args:
-            row: index of the constraint, n of the positive sign first.
-            g: its value, (quantity − limit) / limit.
-
-        Returns:
-            Quantity, limit and unit.
-        """
+        """Quantity (1 + g) limit of a row, its limit and their unit; N instead of N·m for a slide."""
         limit = float(self.limit[row % len(self.limit)])
-        return (1 + g) * limit, limit, self.unit
+        return (1 + g) * limit, limit, ("N·m", "N·m/s")[self.order]
 
     def smooth(self, motion: Array) -> Array:
         """Torque or its rate with springs and curves, (N, n) N·m or N·m/s, N or N/s for a slide."""
@@ -194,6 +201,26 @@ class TorqueLimit:
         """Values ±dᵏ(τ + f_v dq)/dtᵏ / limit − 1."""
         g = _both(self.smooth(motion) / self.limit)
         return g if self.band is None else self._widened(g, self.band.widths(motion, self.order))
+
+    def slopes(self, motion: Array) -> Array:
+        """Slopes ±(∂(dᵏτ/dtᵏ)/∂(q, dq, …) + f_v) / limit, with the change within the band."""
+        n, (q, dq, ddq) = motion.shape[2], motion[:3]
+        if self.order:
+            rows = self.lib.torque_rate_jacobian(q, dq, ddq, motion[3], self.pi)[1]
+            slope = rows.reshape(-1, n, 4, n)
+        else:
+            slope = np.stack(self.lib.torque_derivatives(q, dq, ddq, self.pi)[1:], axis=2)
+        if self.springs is not None:
+            held = self.springs.rate_slopes(motion) if self.order else (self.springs.slope(q),)
+            for k, part in enumerate(held):
+                slope[:, :, k] += part
+        slope[:, :, self.order + 1] += np.diag(self.viscous)
+        limit = self.limit[:, None, None]  # beside slopes (N, n, orders, n)
+        slope /= limit
+        signed = np.concatenate([slope, -slope], axis=1)
+        if self.band is not None:
+            signed += np.tile(self.band.slopes(motion, self.order) / limit, (1, 2, 1, 1))
+        return signed
 
     def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
         """Values, and rates with the derivative of one order more."""
@@ -223,58 +250,6 @@ class TorqueLimit:
     def _widened(self, g: Array, more: Array) -> Array:
         """Values of both signs, with the largest change within the band (N, n)."""
         return np.asarray(g + np.tile(more / self.limit, 2))
-
-    def _signed(self, slope: Array, motion: Array) -> Array:
-        """Slopes of both signs over the limit, with f_v and the change within the band."""
-        slope[:, :, self.order + 1] += np.diag(self.viscous)
-        limit = self.limit[:, None, None]  # beside slopes (N, n, orders, n)
-        slope /= limit
-        signed = np.concatenate([slope, -slope], axis=1)
-        if self.band is not None:
-            signed += np.tile(self.band.slopes(motion, self.order) / limit, (1, 2, 1, 1))
-        return signed
-
-
-@dataclass(frozen=True, slots=True)
-class Torque(TorqueLimit):
-    """Torque limit |τ + f_v dq| ≤ share · effort − f_c.
-
-    Coulomb friction may act either way for a moment at every turn, so that it lowers the limit.
-    This is smooth, and never too little.
-    """
-
-    kind: ClassVar[str] = "torque"
-    order: ClassVar[int] = 0
-    orders: ClassVar[int] = 3
-    unit: ClassVar[str] = "N·m"
-
-    def slopes(self, motion: Array) -> Array:
-        """Slopes ±(∂τ/∂(q, dq, ddq) + f_v) / limit."""
-        q, dq, ddq = motion[:3]
-        slope = np.stack(self.lib.torque_derivatives(q, dq, ddq, self.pi)[1:], axis=2)
-        if self.springs is not None:
-            slope[:, :, 0] += self.springs.slope(motion[0])
-        return self._signed(slope, motion)
-
-
-@dataclass(frozen=True, slots=True)
-class TorqueRate(TorqueLimit):
-    """Limit |dτ/dt + f_v ddq| ≤ limit; the step of Coulomb friction at a turn is left out."""
-
-    kind: ClassVar[str] = "torque rate"
-    order: ClassVar[int] = 1
-    orders: ClassVar[int] = 4
-    unit: ClassVar[str] = "N·m/s"
-
-    def slopes(self, motion: Array) -> Array:
-        """Slopes ±(∂(dτ/dt)/∂(q, dq, ddq, dddq) + f_v) / limit."""
-        n, (q, dq, ddq, dddq) = motion.shape[2], motion[:4]
-        slope = self.lib.torque_rate_jacobian(q, dq, ddq, dddq, self.pi)[1].reshape(-1, n, 4, n)
-        if self.springs is not None:
-            by_q, by_dq = self.springs.rate_slopes(motion)
-            slope[:, :, 0] += by_q
-            slope[:, :, 1] += by_dq
-        return self._signed(slope, motion)
 
 
 def _torque(lib: Library, motion: Array, pi: Array, order: int) -> Array:

@@ -10,7 +10,7 @@ from runtime.excitation import Trajectory
 from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.nonlinear_limits import SampledMotion
 from runtime.excitation.limits.safety import Safety
-from runtime.excitation.limits.torque_limits import Torque, TorqueRate
+from runtime.excitation.limits.torque_limits import KINDS, TorqueLimit
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.library import Library
 
@@ -34,14 +34,14 @@ def states_of(motion: Trajectory, t: np.ndarray) -> np.ndarray:
     return states
 
 
-def limit_of(lib: Library, safety: Safety, kind: type) -> Torque | TorqueRate:
-    return next(one for one in constraints(lib, lib.home, safety) if isinstance(one, kind))
+def limit_of(lib: Library, safety: Safety, kind: str) -> TorqueLimit:
+    return next(one for one in constraints(lib, lib.home, safety) if one.kind == kind)
 
 
 def test_the_worst_model_of_the_band(lib: Library, safety: Safety) -> None:
     """Oracle: the full regressor, |Y| Δ, with friction at the end of its band."""
     states = states_of(motion_of(lib), np.linspace(0.1, 2.9, 40))
-    g = limit_of(lib, safety, Torque).values(states[:4])
+    g = limit_of(lib, safety, KINDS[0]).values(states[:4])
     columns = np.abs(lib.regressor(*states[:3])) @ np.array(safety.band)
     tau = lib.inverse_dynamics(*states[:3], lib.pi0)
     worst = [np.abs(tau + f * states[1]) + columns for f in (0.75 * 3.0, 1.25 * 3.0)]
@@ -67,8 +67,8 @@ def test_payloads_within_their_reach_are_in_the_band(lib: Library) -> None:
     assert not band[:-10].any()
 
 
-@pytest.mark.parametrize("kind", [Torque, TorqueRate])
-def test_slopes_and_rates(lib: Library, safety: Safety, kind: type) -> None:
+@pytest.mark.parametrize("kind", KINDS)
+def test_slopes_and_rates(lib: Library, safety: Safety, kind: str) -> None:
     """Derivative: central differences of the values, along random directions and in time."""
     limit, motion = limit_of(lib, safety, kind), motion_of(lib)
     t, h = np.linspace(0.2, 1.3, 12), 1e-6
@@ -143,7 +143,7 @@ def test_the_band_of_the_prior(lib: Library) -> None:
 
 def test_all_columns_and_the_regressor_agree(lib: Library, monkeypatch: pytest.MonkeyPatch) -> None:
     """Oracle: unit parameters one by one, against the kernel of the regressor."""
-    limit = limit_of(lib, Safety(band=tuple(band_of_prior(lib, "cad"))), Torque)
+    limit = limit_of(lib, Safety(band=tuple(band_of_prior(lib, "cad"))), KINDS[0])
     states = states_of(motion_of(lib), np.linspace(0.1, 2.9, 5))[:4]
     g = limit.values(states)
     monkeypatch.setattr("runtime.excitation.limits.torque_limits._MANY", 100)

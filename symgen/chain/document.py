@@ -4,7 +4,7 @@ Cutting, locking and snapping are left to `normalise`, kinematics and inertias t
 """
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from typing import Any
 from xml.etree.ElementTree import Element, ParseError, SubElement, indent, tostring
 
@@ -108,6 +108,14 @@ class Document:
             link = pending.pop()
             yield link
             pending += [self.child_link(joint) for joint in self.children(link)]
+
+    def fixed_to(self, link: str, beside: Collection[str] = ()) -> Iterator[str]:
+        """Yield the links that are fixed to a link, directly or not, without `beside`."""
+        for joint in self.children(link):
+            child = self.child_link(joint)
+            if self.kind(joint) == "fixed" and child not in beside:
+                yield child
+                yield from self.fixed_to(child, beside)
 
     def remove(self, links: set[str]) -> None:
         """Delete links and all joints whose parent or child they are."""

@@ -5,7 +5,6 @@ identified numbers.
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -176,21 +175,12 @@ def _cut(document: Document, options: ChainOptions) -> tuple[str, ...]:
             )
         on_path = {base, *(document.child_link(j) for j in document.path(tip))} & keep
         keep = set(on_path)
-        for link in on_path - {tip}:
-            keep |= set(_rigid(document, link, on_path))
+        for link in on_path - {tip}:  # with brackets and cameras off the path
+            keep |= set(document.fixed_to(link, on_path))
     removed = set(document.links) - keep
     document.remove(removed)
     document.root_link = base
     return tuple(sorted(removed.union(options.removed)))
-
-
-def _rigid(document: Document, link: str, on_path: set[str]) -> Iterator[str]:
-    """Links fixed to `link` off the path, such as brackets and cameras, which belong to it."""
-    for joint in document.children(link):
-        child = document.child_link(joint)
-        if document.kind(joint) == "fixed" and child not in on_path:
-            yield child
-            yield from _rigid(document, child, on_path)
 
 
 def _snap(document: Document, tolerance: float) -> None:

@@ -11,7 +11,7 @@ nothing.
 """
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -81,7 +81,7 @@ def assume_bodies(
     moving_joints = [j for j in document.joints if document.kind(j) in MOVING]
     moving = [document.child_link(j) for j in moving_joints]
     origins = dict.fromkeys(masses, GIVEN)
-    bodies = [link for first in moving for link in (first, *_fixed_to(document, first))]
+    bodies = [link for first in moving for link in (first, *document.fixed_to(first))]
     if not masses and all(document.links[link].find("inertial") is None for link in bodies):
         origins = dict.fromkeys(moving, PLACEHOLDER)
     for link in origins:
@@ -92,7 +92,7 @@ def assume_bodies(
         link
         for joint, link in zip(moving_joints, moving, strict=True)
         if link not in origins
-        and not _has_mass(document, (link, *_fixed_to(document, link)))
+        and not _has_mass(document, (link, *document.fixed_to(link)))
         and (joint in taking_part or _has_mass(document, document.subtree(link)))
     ]
     for link in specks:
@@ -109,15 +109,6 @@ def _has_mass(document: Document, links: Iterable[str]) -> bool:
         if node is not None and numbers(node.get("value", ""), 1, f"link '{body}': mass")[0] > 0:
             return True
     return False
-
-
-def _fixed_to(document: Document, link: str) -> Iterator[str]:
-    """Links that are fixed to a link, directly or not."""
-    for joint in document.children(link):
-        if document.kind(joint) == "fixed":
-            child = document.child_link(joint)
-            yield child
-            yield from _fixed_to(document, child)
 
 
 def _write_body(document: Document, link: str, mass: float) -> None:

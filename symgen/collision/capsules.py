@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.spatial import ConvexHull, QhullError
 
-from symgen.collision.geometry import LinkGeometry
+from symgen.collision.geometry import Capsule, LinkGeometry
 from symgen.collision.model import Proxy
 
 Array = NDArray[np.float64]
@@ -46,28 +46,9 @@ class Coverage:
     ratio: float  # volume of the proxies over that of the convex hulls; NaN without angular shapes
 
 
-@dataclass(frozen=True, slots=True)
-class Capsule:
-    """All points within `radius` of a segment."""
-
-    start: Array  # start, end: (3,) m
-    end: Array
-    radius: float  # m
-
-    @property
-    def volume(self) -> float:
-        """π r² L + 4/3 π r³, m³."""
-        length = float(np.linalg.norm(self.end - self.start))
-        return float(np.pi * self.radius**2 * (length + 4 / 3 * self.radius))
-
-    def depth(self, points: Array) -> Array:
-        """Signed distance of points (…, 3) to the surface, negative inside, m."""
-        return _to_segment(points, self.start, self.end)[0] - self.radius
-
-
 def fit_link(geometry: LinkGeometry, most: int) -> tuple[Proxy, ...]:
     """Return proxies that enclose a link."""
-    capsules = [Capsule(r.start, r.end, r.radius) for r in geometry.rounds]
+    capsules = [*geometry.rounds]
     if len(geometry.triangles):
         capsules += _fit_capsules(geometry.triangles, most)
     several = len(capsules) > 1
@@ -106,7 +87,7 @@ def _split(triangles: Array, count: int) -> list[Capsule]:
         parts = [triangles[owner == k] for k in range(count)]
         capsules = [_enclosing(part, starts=1) for part in parts if len(part)]
         count = len(capsules)
-        outside = np.stack([c.depth(triangles).max(axis=1) for c in capsules])  # (count, T)
+        outside = np.stack([_depth(c, triangles).max(axis=1) for c in capsules])  # (count, T)
         fresh = outside.argmin(axis=0)
         if (fresh == owner).all():
             break
@@ -193,6 +174,11 @@ def _to_segment(points: Array, start: Array, end: Array) -> tuple[Array, Array, 
     s = np.clip((points - start) @ direction / square, 0, 1)
     away = points - start - s[..., None] * direction
     return np.linalg.norm(away, axis=-1), s, away
+
+
+def _depth(capsule: Capsule, points: Array) -> Array:
+    """Signed distance of points (…, 3) to the surface, negative inside, m."""
+    return _to_segment(points, capsule.start, capsule.end)[0] - capsule.radius
 
 
 def _rounded(capsule: Capsule, triangles: Array) -> Capsule:

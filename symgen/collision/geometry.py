@@ -29,12 +29,18 @@ _CORNERS = 32
 
 
 @dataclass(frozen=True, slots=True)
-class Round:
-    """A sphere or capsule of the URDF, which needs no fit."""
+class Capsule:
+    """All points within `radius` of a segment; one of the URDF, or a sphere, needs no fit."""
 
     start: Array  # start, end: (3,) m, in the link's frame
     end: Array
     radius: float  # m
+
+    @property
+    def volume(self) -> float:
+        """π r² L + 4/3 π r³, m³."""
+        length = float(np.linalg.norm(self.end - self.start))
+        return float(np.pi * self.radius**2 * (length + 4 / 3 * self.radius))
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +49,7 @@ class LinkGeometry:
 
     link: str  # moving link of the chain, or `BASE`
     triangles: Array  # (T, 3, 3) corners, m, in the link's frame; no edge is longer than `EDGE`
-    rounds: tuple[Round, ...]  # spheres and capsules
+    rounds: tuple[Capsule, ...]  # spheres and capsules
     volume: float  # m³ of the convex hulls of the angular shapes
 
 
@@ -84,7 +90,7 @@ def _link(link: str, parts: list[Any]) -> LinkGeometry:
         shape, placement = part.geometry, part.placement
         if isinstance(shape, (coal.Sphere, coal.Capsule)):
             half = np.array([0.0, 0.0, getattr(shape, "halfLength", 0.0)])
-            rounds.append(Round(placement.act(-half), placement.act(half), float(shape.radius)))
+            rounds.append(Capsule(placement.act(-half), placement.act(half), float(shape.radius)))
             continue
         corners = _corners(part.name, shape)
         corners = corners @ placement.rotation.T + placement.translation

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import pinocchio
-from msgspec import Meta, field, structs
+from msgspec import Meta, structs
 from scipy.optimize import linprog
 
 from runtime.common.records import Record, record_from_table, record_from_toml
@@ -56,8 +56,8 @@ class Braking(Record, frozen=True):
     lower: Vector
 
 
-class Limits(Record, frozen=True):
-    """Facts that a URDF does not contain; None where unknown."""
+class RobotConfig(Record, frozen=True):
+    """The TOML file: facts that a URDF does not contain; None where unknown."""
 
     home: Vector | None = None  # rad or m, per joint
     acceleration: Limit | None = None  # limit per joint, rad/s² or m/s²
@@ -65,6 +65,13 @@ class Limits(Record, frozen=True):
     torque_rate: Limit | None = None  # limit per joint, N·m/s or N/s
     tip_speed: Above | None = None  # limit of the speed of the tip, m/s
     braking: Braking | None = None  # velocity limits near the ends of the range
+    proxy: tuple[Proxy, ...] = ()  # capsules around the links
+    pair: tuple[Pair, ...] = ()  # pairs of them that a motion keeps apart
+
+    @property
+    def collision(self) -> CollisionModel:
+        """Proxies and pairs."""
+        return CollisionModel(self.proxy, self.pair)
 
     def vectors(self) -> dict[str, Vector]:
         """Quantities with one value per joint, by their name in the TOML file."""
@@ -75,21 +82,8 @@ class Limits(Record, frozen=True):
         return {key: value for key, value in vectors.items() if value is not None}
 
 
-class ConfigTable(Limits, frozen=True):
-    """The TOML file."""
-
-    proxy: tuple[Proxy, ...] = ()
-    pair: tuple[Pair, ...] = ()
-
-
-class RobotConfig(Limits, frozen=True):
-    """Limits, and the proxies and pairs of `collision`."""
-
-    collision: CollisionModel = field(default_factory=CollisionModel)
-
-
 _VECTORS = ("home", "acceleration", "jerk", "torque_rate")
-CONFIG_KEYS = ConfigTable.__struct_fields__
+CONFIG_KEYS = RobotConfig.__struct_fields__
 """Keys of the TOML file; the manifest has the same keys, None where unknown."""
 
 
@@ -119,9 +113,9 @@ def read_masses(path: Path) -> dict[str, float]:
 
 def config_from_table(table: dict[str, Any], where: str) -> RobotConfig:
     """Return the configuration of a parsed TOML table."""
-    stated = record_from_table(ConfigTable, table, where, BuildError)
-    facts = {key: getattr(stated, key) for key in Limits.__struct_fields__}
-    return RobotConfig(**facts, collision=CollisionModel(stated.proxy, stated.pair))
+    config = record_from_table(RobotConfig, table, where, BuildError)
+    CollisionModel(config.proxy, config.pair)  # checks them
+    return config
 
 
 def home_of(chain: Chain, config: RobotConfig) -> Vector:
@@ -198,22 +192,18 @@ def reduced_config(config: RobotConfig, whole: Chain, chain: Chain) -> RobotConf
     if config.braking is not None:
         sides: dict[str, Any] = structs.asdict(config.braking)
         facts["braking"] = Braking(**{key: of_joints(value) for key, value in sides.items()})
-    return config.replace(**facts, collision=_collision(config.collision, whole, chain))
-
-
-def _collision(model: CollisionModel, whole: Chain, chain: Chain) -> CollisionModel:
     robot = parse_with_pinocchio(Document(chain.urdf))
-    carried = (_carried(proxy, robot, whole, chain) for proxy in model.proxies)
+    carried = (_carried(proxy, robot, whole, chain) for proxy in config.proxy)
     proxies = tuple(proxy for proxy in carried if proxy is not None)
     carrier = {proxy.name: proxy.link for proxy in proxies}
     pairs = tuple(
         pair
-        for pair in model.pairs
+        for pair in config.pair
         if pair.first in carrier
         and pair.second in carrier
         and carrier[pair.first] != carrier[pair.second]  # their distance does not change
     )
-    return CollisionModel(proxies, pairs)
+    return config.replace(**facts, proxy=proxies, pair=pairs)
 
 
 def _carried(proxy: Proxy, robot: pinocchio.Model, whole: Chain, chain: Chain) -> Proxy | None:

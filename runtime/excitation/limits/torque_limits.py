@@ -185,7 +185,7 @@ class TorqueLimit:
         return not self.viscous.any()
 
     def measured(self, row: int, g: float) -> tuple[float, float, str]:
-        """Quantity (1 + g) limit of a row, its limit and their unit; N instead of N·m for a slide."""
+        """Quantity (1 + g) limit of a row, its limit, and their unit with N in place of N·m."""
         limit = float(self.limit[row % len(self.limit)])
         return (1 + g) * limit, limit, ("N·m", "N·m/s")[self.order]
 

@@ -3,24 +3,84 @@
 The arrays are arguments of functions such as
 <robot>_torque_base(q, dq, ddq, <robot>_identified_beta, tau). Another header has the gravity torque
 g(q) = Y(q, 0, 0) π: it contains π and calls <robot>_inverse_dynamics at rest, so that a controller
-compiles it together with kernels.c of the robot.
+compiles it together with kernels.c of the robot. A C compiler reads a header again: a program
+includes it and prints its arrays in hexadecimal.
 """
 
+import os
 import re
+import shutil
+import subprocess
+import tempfile
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from runtime.errors import ExportError
 from runtime.library import Array
 from runtime.library.parameters import PI_NAMES
-from runtime.outputs.model_files.engines import compiler
-from runtime.outputs.model_files.engines.answer import random_states
+from runtime.outputs.model_files.engines.answer import Unreadable, random_states
 from runtime.outputs.model_files.export_format import ExportFormat
 from runtime.outputs.model_files.model import IdentifiedModel, springs_left_out
 from runtime.outputs.model_files.reload_check import require_torques, unchecked, verified
 from runtime.outputs.model_files.urdf_tree import digits
+
+INSTALL = "install a C compiler, or name one in CC"
+SECONDS = 60
+"""Time limit of the compiler and of its program [s]."""
+
+
+def read_back(text: str, names: Mapping[str, tuple[int, ...]]) -> dict[str, Array] | None:
+    """Read the arrays of a header."""
+    compiler = find_compiler()
+    if compiler is None:
+        return None
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        (folder / "identified.h").write_text(text, encoding="utf-8")
+        (folder / "main.c").write_text(_program(names), encoding="utf-8")
+        command = [compiler, "-std=c99", "-Wall", "-Werror", "main.c", "-o", "main"]
+        _run(command, folder)
+        lines = _run([str(folder / "main")], folder).splitlines()
+    values = iter(float.fromhex(line) for line in lines)
+    return {
+        name: np.array([next(values) for _ in range(int(np.prod(shape)))]).reshape(shape)
+        for name, shape in names.items()
+    }
+
+
+def find_compiler() -> str | None:
+    """Path of the compiler in CC, else of cc, gcc or clang; None where none is installed."""
+    wanted = (os.environ.get("CC", ""), "cc", "gcc", "clang")
+    return next((path for name in wanted if name and (path := shutil.which(name))), None)
+
+
+def _program(names: Mapping[str, tuple[int, ...]]) -> str:
+    loops = "".join(
+        f"    for (i = 0; i < {int(np.prod(shape))}; ++i)"
+        f' printf("%a\\n", ((const double *){name})[i]);\n'
+        for name, shape in names.items()
+    )
+    return (
+        '#include <stdio.h>\n#include "identified.h"\n'
+        f"int main(void)\n{{\n    int i;\n{loops}    return 0;\n}}\n"
+    )
+
+
+def _run(command: list[str], folder: Path) -> str:
+    try:
+        ran = subprocess.run(
+            command, cwd=folder, capture_output=True, text=True, check=False, timeout=SECONDS
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise Unreadable(error) from None
+    if ran.returncode:
+        complaint = re.search(r"error: .*", ran.stderr)
+        raise Unreadable(complaint[0] if complaint else f"{command[0]} failed: {ran.stderr[:200]}")
+    return ran.stdout
+
 
 REMEDY = "run: python -m symgen build"
 
@@ -73,7 +133,7 @@ def c_header(
 
 def read_arrays(text: str, arrays: Mapping[str, Array], what: str = "") -> dict[str, Array] | None:
     """The arrays as a C compiler reads them, equal bit for bit; None without a compiler."""
-    read = compiler.read_back(text, {name: each.shape for name, each in arrays.items()})
+    read = read_back(text, {name: each.shape for name, each in arrays.items()})
     if read is None:
         return None
     for name, each in arrays.items():
@@ -91,7 +151,7 @@ def check_header(model: IdentifiedModel, text: str) -> str:
     names = {f"{lib.name}_identified_{key}": array for key, array in expected.items()}
     arrays = read_arrays(text, names)
     if arrays is None:
-        return unchecked(compiler.INSTALL)
+        return unchecked(INSTALL)
     read = dict(zip(expected, arrays.values(), strict=True))
     q, dq, ddq = random_states(lib)
     tau_expected = lib.inverse_dynamics(q, dq, ddq, model.pi)
@@ -167,7 +227,7 @@ def check_gravity(model: IdentifiedModel, text: str) -> str:
     lib, name = model.lib, f"{model.lib.name}_gravity_pi"
     arrays = read_arrays(text, {name: model.pi})
     if arrays is None:
-        return unchecked(compiler.INSTALL)
+        return unchecked(INSTALL)
     q = random_states(lib)[0]
     rest = np.zeros_like(q)
     expected = lib.inverse_dynamics(q, rest, rest, model.pi)

@@ -16,9 +16,8 @@ import numpy as np
 from runtime.errors import ExportError
 from runtime.library import Array
 from runtime.library.parameters import PI_NAMES
-from runtime.outputs.model_files.engines import compiler
 from runtime.outputs.model_files.export_format import ExportFormat
-from runtime.outputs.model_files.formats.header import c_header, comment_text, read_arrays
+from runtime.outputs.model_files.formats.header import INSTALL, c_header, comment_text, read_arrays
 from runtime.outputs.model_files.model import IdentifiedModel, springs_left_out
 from runtime.outputs.model_files.reload_check import unchecked
 from runtime.outputs.model_files.urdf_tree import digits, row
@@ -87,7 +86,7 @@ def check_ros2(model: IdentifiedModel, written: Mapping[str, str]) -> str:
         )
     arrays = {f"{lib.name}_parameters_{key}": each for key, each in _arrays(model).items()}
     if read_arrays(header, arrays, "parameters") is None:
-        return unchecked(compiler.INSTALL)
+        return unchecked(INSTALL)
     return "verified: reloaded by a C compiler, all parameters equal; colcon builds the package"
 
 

@@ -10,8 +10,9 @@ from runtime.common.settings import FILE, argument_field, data_field, model_fiel
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, say, say_notes, show
 from runtime.estimators.regression.samples import NORMAL_95
-from runtime.identification.payload.body import NAMES, Payload, arm_model, read_arm_model
-from runtime.identification.payload.estimate import identify_payload
+from runtime.identification.payload.arm_error import arm_model, read_arm_model
+from runtime.identification.payload.body import NAMES, Payload
+from runtime.identification.payload.estimate import GAINS, identify_payload
 from runtime.identification.payload.output import FILES, load_facts, write_payload
 from runtime.identification.prepared_log import filter_for_accelerations
 from runtime.recording import read_recording
@@ -41,10 +42,10 @@ class PayloadSettings(BodyChoices):
     )
     empty_run: str | None = data_field(help="Run of the log without payload; default --run.")
     gain_error: float = model_field(
-        0.0,
+        GAINS,
         metavar="SHARE",
-        help="Standard deviation of the torque gain of every joint, relative to one, which the "
-        "intervals include; 0.05 for 5 %.",
+        help="Largest standard deviation of the torque gain of every joint, relative to one; the "
+        "intervals include what the residual supports of it.",
     )
     as_json: bool = output_field(False, "--json", help="Print payload.json instead.")
 

@@ -18,7 +18,8 @@ from runtime.estimators.regression import causes
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.estimators.uncertainty import Uncertainty
 from runtime.excitation import Trajectory
-from runtime.identification.payload.body import ArmModel, Body, KnownPayload, body_of, mount_of
+from runtime.identification.payload.arm_error import ArmModel
+from runtime.identification.payload.body import Body, KnownPayload, body_of, mount_of
 from runtime.identification.sensor_gains import identify_gains
 from runtime.identification.single_log import identify_recording as fit
 from runtime.library import Array, Library

@@ -20,7 +20,8 @@ from runtime.estimators.regression.samples import NORMAL_95, samples_of
 from runtime.excitation import Trajectory
 from runtime.experiments.trials import document_robot
 from runtime.identification import metrics
-from runtime.identification.payload.body import arm_model, mount_of, pi_of_body
+from runtime.identification.payload.arm_error import arm_model
+from runtime.identification.payload.body import mount_of, pi_of_body
 from runtime.identification.single_log import identify_recording as fit
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation

@@ -23,7 +23,8 @@ from runtime.experiments.report import write_experiments
 from runtime.experiments.storage import read_rows
 from runtime.identification.comparison.run import read_truth
 from runtime.identification.kept_links import identify_friction
-from runtime.identification.payload.body import read_arm_model, read_known_payload
+from runtime.identification.payload.arm_error import read_arm_model
+from runtime.identification.payload.body import read_known_payload
 from runtime.identification.saved_result import read_result
 from runtime.identification.several_logs import read_carried
 from runtime.library import Library, load

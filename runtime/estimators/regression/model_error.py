@@ -215,13 +215,14 @@ def friction_columns(fit: FreeFit) -> tuple[Array, list[int]]:
 
 SLOW = 0.06
 """Speed at which friction that grows with the load has nearly its whole size [rad/s, m/s]."""
-KINDS = np.array([0, 0, 0, 0, 0, 1, 1, 1])
+KINDS = np.array([0, 0, 0, 0, 0, 1, 1, 1, 1])
 """Kind of every shape, each with its λ: 0 of the posture (q, sin q, cos q, sin 2q, cos 2q), 1 of
-friction (load, bend over the speed, peak at low speed)."""
+friction (load, bend over the speed, peak at low speed; stroke, where friction has a memory)."""
 MOST = 0.02
 """Largest λ over the range of the joint: q hardly differs from sin q where a joint moves little,
 and would leave both of them open."""
-SHAPES = len(KINDS)
+SHAPES = 8
+"""Number of shapes without that of the stroke."""
 SIGNIFICANT = 4.6
 """Gain of 2 log p from which on a joint has nuisance torque: 5 % of logs that have none."""
 QUANTILES = 400
@@ -230,13 +231,16 @@ SCALES = np.concatenate([[0.0], np.logspace(-6, 4, 31)])
 """Candidates of λ² over the variance with which the noise enters a shape."""
 
 
-def nuisance_columns(lib: Library, pi: Array, samples: Samples) -> Array:
-    """Shapes N of the joints, of size 1, (N, n, SHAPES): each has rows of its joint alone.
+def nuisance_columns(
+    lib: Library, pi: Array, samples: Samples, *, has_memory: bool = False
+) -> Array:
+    """Shapes N of the joints, of size 1, (N, n, shapes): each has rows of its joint alone.
 
     A peak at low speed is over the Dahl state ζ of the path, since reversals within the presliding
     stroke have none. The viscous coefficient of friction that bends is the slope of its best
     line over ζ, dq and 1: the root of the speed is what that line leaves of it. The whole root is
-    nearly the same at low speeds, and would take a peak there for a bend at every speed.
+    nearly the same at low speeds, and would take a peak there for a bend at every speed. Where
+    friction has a memory, its stroke may be half or twice the usual one, which looks like a delay.
     """
     q, dq = samples.q, samples.dq
     still = np.zeros_like(q)
@@ -247,7 +251,10 @@ def nuisance_columns(lib: Library, pi: Array, samples: Samples) -> Array:
         root[:, j] = least_squares(line, root[:, j])[1]
     each = [q, np.sin(q), np.cos(q), np.sin(2 * q), np.cos(2 * q)]
     each += [load / np.maximum(load.max(axis=0), 1e-12) * np.tanh(dq / SLOW), root]
-    return np.stack([*each, zeta * np.exp(-((dq / STRIBECK_SPEED) ** 2))], axis=2)
+    each += [zeta * np.exp(-((dq / STRIBECK_SPEED) ** 2))]
+    if has_memory:
+        each += [dahl_state(q, DAHL_STROKE / 2) - dahl_state(q, 2 * DAHL_STROKE)]
+    return np.stack(each, axis=2)
 
 
 def torque_ranges(lib: Library, tau: Array) -> Array:
@@ -267,7 +274,9 @@ class NuisanceTorque:
     mean: Array  # most probable torque beside the columns of the fit, weighted, (N, n)
 
 
-def nuisance_of(lib: Library, fit: FreeFit, pi: Array, density: float) -> NuisanceTorque:
+def nuisance_of(
+    lib: Library, fit: FreeFit, pi: Array, density: float, *, has_memory: bool = False
+) -> NuisanceTorque:
     """Nuisance torque that the residual of a fit makes likely."""
     samples, n = fit.samples, fit.scale.size
     rest = fit.rest.reshape(len(samples), n)
@@ -275,7 +284,8 @@ def nuisance_of(lib: Library, fit: FreeFit, pi: Array, density: float) -> Nuisan
     errors = list(kept)
     if samples.base is not None or samples.equations != lib.n_joints:
         return NuisanceTorque(kept[0], kept[0], mean)
-    shapes = nuisance_columns(lib, pi, samples) * fit.scale[:, None]
+    columns = nuisance_columns(lib, pi, samples, has_memory=has_memory)
+    shapes = columns * fit.scale[:, None]
     ranges = torque_ranges(lib, samples.tau)
     basis = fit.basis.reshape(len(samples), n, -1)
     for j in range(n):
@@ -321,15 +331,16 @@ def likely_sizes(gram: Array, z: Array, density: float, whole: float) -> Array:
 
     whole: trace of NᵀN; shapes of which the fit leaves rounding alone have no λ.
     """
+    kind = KINDS[: len(gram)]
     if not np.trace(gram) > ROUNDING * whole:
-        return np.zeros(SHAPES)
+        return np.zeros(len(gram))
     unit = density / max(float(np.mean(np.diag(gram))), 1e-300)
     power, axes = np.linalg.eigh(gram)
     is_known = power > 1e-9 * max(float(power[-1]), 1e-300)
     power, axes = power[is_known], axes[:, is_known]
     along = axes.T @ z
     # Variance of Vᵀ z, z = G s + e, in the axes V of G: S P + P Vᵀ Λ V P.
-    kinds = [axes[k == KINDS] * power for k in (0, 1)]
+    kinds = [axes[k == kind] * power for k in (0, 1)]
     parts = [each.T @ each for each in kinds]
 
     def likelihood(first: Array, second: Array) -> Array:
@@ -352,8 +363,8 @@ def likely_sizes(gram: Array, z: Array, density: float, whole: float) -> Array:
         last = len(SCALES) - 1
         around = [np.arange(max(k - 2, 0), min(k + 2, last) + 1) for k in best]
     if not values.max() - values[0] > SIGNIFICANT:
-        return np.zeros(SHAPES)
-    return np.sqrt(unit * SCALES[list(best)])[KINDS]
+        return np.zeros(len(gram))
+    return np.sqrt(unit * SCALES[list(best)])[kind]
 
 
 BLOCK_S, FEWEST, PER_COLUMN = 2.0, 3, 5
@@ -376,8 +387,9 @@ class ModelError:
 
 
 def model_error_of(
-    lib: Library, fit: FreeFit | None, pi: Array, statistics: Statistics, gain_sigma: float = 0.0
-) -> ModelError:
+    lib: Library, fit: FreeFit | None, pi: Array, statistics: Statistics, gain_sigma: float = 0.0,
+    *, has_memory: bool = False,
+) -> ModelError:  # fmt: skip
     """Error of the model in the information of a fit, from a free fit to some of its samples.
 
     gain_sigma: expected relative σ of every torque gain.
@@ -391,7 +403,7 @@ def model_error_of(
     density = coloured_noise_of_shares(fit.shares, rest, p).density
     if not density > 0:
         return none
-    torque = nuisance_of(lib, fit, pi, density)
+    torque = nuisance_of(lib, fit, pi, density, has_memory=has_memory)
     rest = rest - torque.mean.reshape(count, n)
     spread = scatter(fit.samples, fit.basis, rest, density)
     gains = np.zeros((p, 0))

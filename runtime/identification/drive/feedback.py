@@ -170,7 +170,7 @@ def linearised(
     if density > 0 and wider.size and not rough:
         basis, left = rows.reshape(rest.size, -1) @ known.root, left.ravel()
         fit = FreeFit(part, scale, known.root, basis, rest.ravel() - left, left, ())
-        wider = _widening(lib, fit, pi, known.root[-wider.size :], density)
+        wider = _widening(result, fit, known.root[-wider.size :], density)
     moved = moved * wider[:, None]
     return LinearisedDrive(
         step=posterior.step(slope)[first:],
@@ -181,12 +181,14 @@ def linearised(
     )
 
 
-def _widening(lib: Library, fit: FreeFit, pi: Array, of_x: Array, density: float) -> Array:
+def _widening(result: Identification, fit: FreeFit, of_x: Array, density: float) -> Array:
     """Factor on the σ of x̂ = X Qᵀ r by the scatter of blocks and by nuisance torque, (m,).
 
     of_x X (m, p), of noise of the density S.
     """
-    nuisance, lengths = nuisance_of(lib, fit, pi, density), np.linalg.norm(of_x, axis=1)
+    memory = has_memory(result.friction.columns)
+    nuisance = nuisance_of(result.lib, fit, result.pi, density, has_memory=memory)
+    lengths = np.linalg.norm(of_x, axis=1)
     along = of_x / np.maximum(lengths, 1e-300)[:, None]
     rest = (fit.rest - nuisance.mean.ravel()).reshape(nuisance.mean.shape)
     spread = np.diag(scatter(fit.samples, fit.basis @ along.T, rest, density))

@@ -6,18 +6,7 @@ Y_k are the columns of the link that carries the payload. b is one offset per jo
 subtracting means. With a run of the same motion without the payload, its residual is subtracted
 first, so that bias and friction cancel. σ_j is estimated from the residuals in three passes.
 Correlated residuals count as N_eff samples (`coloured_noise`), in the weight of the prior too.
-
-`posture_error` is the error of the difference of both runs that repeats with a joint's position,
-
-    u_g = (A − A_g)⁻¹ s_g,   s_g = Σ_{i in g} Y_iᵀ W e_i,   V = t² (K − 1)/K Σ_g (u_g − ū)²
-
-Errors of the arm cancel only if they were the same. What differs between the runs (a spring, a
-cable, torque that no model has) returns wherever the posture returns, so that periods of a motion
-do not average it, and residuals that are correlated in time do not show it. u_g is the change of π
-without the rows g, a K-th of them that are neighbours in the position of a joint. t is the 95 %
-quantile of Student's t with K − 1 degrees of freedom over that of the normal distribution.
-Source: Lee, Wensing & Park 2019 (prior); Swevers et al. 2002 (payload); delete-a-group jackknife,
-Efron & Stein 1981; groups of postures: ours.
+Source: Lee, Wensing & Park 2019 (prior); Swevers et al. 2002 (payload).
 """
 
 from collections.abc import Sequence
@@ -32,18 +21,18 @@ from runtime.estimators.convex.newton import convex_problem, minimise_anywhere
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of_rows
 from runtime.estimators.regression.factor import reduced_of
 from runtime.estimators.regression.samples import NORMAL_95, samples_of
-from runtime.identification.payload.body import (
-    NAMES,
+from runtime.identification.payload.arm_error import (
+    FEW,
+    LEAST_TRAVEL,
     ArmModel,
-    Body,
-    Mount,
-    Payload,
+    PostureDeviation,
     arm_covariance,
     arm_model,
-    body_of,
     gain_covariance,
-    mount_of,
+    posterior_covariance,
+    posture_error,
 )
+from runtime.identification.payload.body import NAMES, Body, Mount, Payload, body_of, mount_of
 from runtime.library import Array, Library, require_library
 from runtime.library.parameters import N_PARAMETERS, pi_from_parts
 from runtime.recording import Preparation, Recording
@@ -58,25 +47,6 @@ LENGTH = 0.1
 
 APART = 0.05
 """Largest distance of the positions over the travel of a joint; controllers stay within 1 %."""
-
-LEAST_TRAVEL = 0.02
-"""Smallest travel that the distance is related to, rad or m."""
-
-GROUPS = 5
-"""K, groups of rows per joint."""
-
-FEW = 2.7764451051977934 / NORMAL_95
-"""t: intervals are those of a normal distribution, and K groups know their variance badly."""
-
-SIGNIFICANT = 12.0
-"""Variance by groups over that of the noise from which it is said. Of 7 joints and 10 entries the
-largest ratio in 24 runs of an FR3 with white and coloured noise is 10.6: the groups are few, and
-those at the ends of a range weigh most."""
-
-COUNTED = 6.0
-"""The same of the mass from which intervals contain it. In 200 runs of an FR3 with white noise and
-noise below 10, 3, 1 and 0.3 Hz it is exceeded in 5; a load of 105 g on a PSM has 7.5 to 19 at 1 to
-2 Hz, and 18 to 99 above."""
 
 CERTAIN_BY_FEW = 6.620212 / FEW
 """Mass over its σ by groups that has the probability of 3 σ of a normal distribution, by t."""
@@ -116,53 +86,6 @@ def empty_residual(
     return at(residual)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PostureDeviation:
-    """Errors that repeat with the position of a joint."""
-
-    joint: str  # its name
-    factors: Array  # of the standard deviations of π, (10,), at least 1
-    is_sure: bool  # whether more than noise shows them
-
-    @property
-    def sentence(self) -> str:
-        """Note of the result."""
-        return (
-            "the difference of the runs has errors that repeat with the position of "
-            f"'{self.joint}', beside the payload: the intervals contain them (mass: "
-            f"{self.factors[0]:.1f} times the noise); check the setting link, and record both runs "
-            "with the same cables, springs and temperature"
-        )
-
-    def widened(self, covariance: Array) -> Array:
-        """Covariance of π (10, 10) with the standard deviations times the factors."""
-        return self.factors[:, None] * covariance * self.factors
-
-
-def posture_error(
-    run: Recording, names: Sequence[str], rows: Array, errors: Array, shape: Array,
-    covariance: Array,
-) -> PostureDeviation | None:  # fmt: skip
-    """Errors that repeat with the position of the joint where they are largest."""
-    whole, variance, q = np.linalg.inv(shape), np.diagonal(covariance), run.q
-    worst, largest = None, (False, 1.0)
-    for joint in np.flatnonzero(np.ptp(q, axis=0) > LEAST_TRAVEL):
-        edges = np.quantile(q[:, joint], np.arange(1, GROUPS) / GROUPS)
-        group = np.searchsorted(edges, q[:, joint])
-        changes = []
-        for k in range(GROUPS):
-            part = rows[group == k].reshape(-1, rows.shape[2])
-            score = part.T @ errors[group == k].ravel()
-            changes.append(np.linalg.solve(whole - part.T @ part, score))
-        ratio = (GROUPS - 1) * np.var(changes, axis=0) / variance
-        sure = float(ratio.max()) / SIGNIFICANT
-        size = sure > 1.0, max(float(ratio[0]) / COUNTED, sure)  # what is said comes first
-        if size > largest:
-            factors = np.maximum(FEW * np.sqrt(ratio), 1.0)
-            worst, largest = PostureDeviation(names[int(joint)], factors, size[0]), size
-    return worst
-
-
 BALL_MASS, BALL_RADIUS = 0.5, 0.06
 """Prior: a ball of 0.5 kg and 6 cm radius with its centre at the mount."""
 PASSES = 3
@@ -178,6 +101,8 @@ _PRIOR_SHARE = 0.5
 """σ of a value over σ of the prior, above which the prior dominates the value."""
 _CERTAIN = 3.0
 """Mass over its σ from which on there is a payload."""
+GAINS = 0.02
+"""Relative standard deviation of torque gains where no data sheet states it."""
 _MODEL_ERROR = 0.1
 """Residual over the torque of the payload, above which the model of the arm dominates the error."""
 
@@ -192,7 +117,7 @@ def identify_payload(
     empty: Recording | None = None,
     preparation: Preparation | None = None,
     kappa: float = NONE,
-    gain_error: float = 0.0,
+    gain_error: float = GAINS,
 ) -> Payload:
     """Identify π and b of a payload: τ − Y π_arm − F φ_arm = Y_k π + b + e.
 
@@ -204,8 +129,8 @@ def identify_payload(
         empty: run of the same motion without the payload; None for none.
         preparation: steps for both recordings; None is that of the recipe.
         kappa: weight of the prior; 1 is next to none.
-        gain_error: standard deviation of the torque gains of the joints, relative to one, which
-            the intervals include.
+        gain_error: largest standard deviation of the torque gains of the joints, relative to one;
+            the intervals include what the residual supports of it.
 
     Returns:
         The payload with its covariance and advice.
@@ -248,26 +173,9 @@ def identify_payload(
                 f"the difference of the runs is that of a negative mass: '{empty.name}' carries "
                 f"the payload and '{recording.name}' none; exchange them"
             )
-    repeated = None
-    if empty is not None:
-        rows = (columns - columns.mean(axis=0)) / solution.fitted[:, None]
-        parts = (rows, solution.errors / solution.fitted, solution.shape, solution.covariance)
-        repeated = posture_error(run, lib.joint_names, *parts)
-        if repeated is not None:
-            solution = replace(solution, covariance=repeated.widened(solution.covariance))
-    if empty is None and not model.is_exact:
-        parts = (columns, solution.noise, solution.errors, solution.white)
-        extra = arm_covariance(lib, model, run, *parts)
-        solution = replace(
-            solution, covariance=solution.covariance + extra, white=solution.white + extra
-        )
-    if gain_error:
-        # Against an empty run the gains act on the torque of the payload alone.
-        torque = residual if empty is not None else run.required("tau")
-        extra = gain_covariance(columns, torque, solution.fitted, solution.shape, gain_error)
-        solution = replace(
-            solution, covariance=solution.covariance + extra, white=solution.white + extra
-        )
+    solution, repeated, gain_error = _with_model_error(
+        solution, lib, model, run, columns, is_alone=empty is not None, gains=gain_error
+    )
     payload = _payload(solution, mount, columns, model, empty is not None, gain_error)
     notes = (*payload.notes, _moment_note(mount, solution))
     if repeated is None:
@@ -299,6 +207,47 @@ class _Solution:
     converged: bool
     shape: Array
     fitted: Array
+    density: float
+
+
+def _with_model_error(
+    solution: _Solution,
+    lib: Library,
+    model: ArmModel,
+    run: Recording,
+    columns: Array,
+    *,
+    is_alone: bool,
+    gains: float,
+) -> tuple[_Solution, PostureDeviation | None, float]:
+    """Covariance with errors of the arm, of gains and of postures; the second, and σ of gains.
+
+    is_alone: whether the run without the payload is subtracted.
+    """
+    noise, extra, repeated = solution.covariance, np.zeros_like(solution.shape), None
+    weights = (solution.errors, solution.fitted, solution.shape, solution.density)
+    if not (is_alone or model.is_exact):
+        if model.root is None:
+            parts = (columns, solution.noise, solution.errors, solution.white)
+            extra = arm_covariance(lib, model, run, *parts)
+        else:
+            samples = samples_of(run, lib)
+            extra = posterior_covariance(lib, model.root, samples, columns, *weights[1:3])
+    # A model by the same sensors has their gains, and takes up what repeats: the rest is news.
+    is_alone = is_alone or model.root is not None
+    if is_alone:
+        rows = (columns - columns.mean(axis=0)) / solution.fitted[:, None]
+        parts = (rows, solution.errors / solution.fitted, solution.shape, noise)
+        repeated = posture_error(run, lib.joint_names, *parts)
+    gains = gains if solution.density > _PERFECT**2 else 0.0  # rounding shows nothing of them
+    if gains:
+        torque = columns @ solution.pi if is_alone else run.required("tau")
+        of_gains, gains = gain_covariance(columns, torque, *weights, gains)
+        extra = extra + of_gains
+    if repeated is not None:
+        noise = repeated.widened(noise)
+    changed = replace(solution, covariance=noise + extra, white=solution.white + extra)
+    return changed, repeated, gains
 
 
 def _rows(
@@ -377,6 +326,7 @@ def _solved(mount: Mount, columns: Array, residual: Array, kappa: float) -> _Sol
         converged=minimum.converged,
         shape=shape,
         fitted=fitted,
+        density=density,
     )
 
 
@@ -463,8 +413,8 @@ def notes_of(
     notes = []
     if gain_error:
         notes.append(
-            f"the intervals include independent errors of the torque gains of {100 * gain_error:g} "
-            "% per joint"
+            "the intervals include independent errors of the torque gains, by the residual of "
+            f"{100 * gain_error:.2g} % per joint"
         )
     else:
         notes.append(
@@ -477,9 +427,10 @@ def notes_of(
             "faster rotations about all axes of the payload"
         )
     if not (differential or model.is_exact):
+        source = "estimated from the residual" if model.root is None else "by its posterior"
         notes.append(
-            "the intervals include the error of the arm's model, estimated from the residual; "
-            "against a run without the payload it cancels, and they are far narrower"
+            f"the intervals include the error of the arm's model, {source}; against a run without "
+            "the payload it cancels, and they are far narrower"
         )
     if share > _MODEL_ERROR and not differential:
         notes.append(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from runtime.identification.payload.body import read_arm_model
+from runtime.identification.payload.arm_error import read_arm_model
 from tests.runtime.conftest import Command
 from tests.runtime.desk import Desk, digests, edit, truncate
 

@@ -9,7 +9,7 @@ import pytest
 
 from runtime.excitation import Trajectory
 from runtime.identification.metrics import torque_error
-from runtime.identification.payload.body import ArmModel
+from runtime.identification.payload.arm_error import ArmModel
 from runtime.identification.payload.estimate import identify_payload
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library

@@ -141,7 +141,8 @@ def test_a_peak_follows_the_presliding_state_and_a_bend_has_no_slope(double: Lib
     On the way s back from a reversal the state is ζ = −1 + (1 + ζ₀) e^(−s/σ), with the stroke σ; a
     peak at constant speed follows it. Of a root of the speed, least squares over ζ, dq and 1 leaves
     nothing: a bend changes neither the viscous coefficient nor the peak. Friction of the load is
-    the share of the largest weight, with the sign of the motion.
+    the share of the largest weight, with the sign of the motion. Of states of half and twice the
+    stroke the difference is that of two exponential functions of the way.
     """
     step = DAHL_STROKE / 100
     there = step * np.arange(1000.0)
@@ -154,11 +155,16 @@ def test_a_peak_follows_the_presliding_state_and_a_bend_has_no_slope(double: Lib
         q = np.tile(path[:, None], 2)
         dq = rate * np.gradient(q, axis=0)
         rows = Samples(q, dq, 0 * q, 0 * q, np.zeros((*q.shape, 0)))
-        load, bend, peak = nuisance_columns(double, double.pi0, rows)[:, 0, -3:].T
-        state = np.zeros(len(path))
+        every = nuisance_columns(double, double.pi0, rows, has_memory=True)
+        load, bend, peak, lag = every[:, 0, -4:].T
+        strokes = DAHL_STROKE * np.array([1.0, 0.5, 2.0])
+        states = np.zeros((len(path), 3))
         for k, move in enumerate(np.diff(path)):
-            stays = np.exp(-abs(move) / DAHL_STROKE)
-            state[k + 1] = np.sign(move) + (state[k] - np.sign(move)) * stays
+            stays = np.exp(-abs(move) / strokes)
+            states[k + 1] = np.sign(move) + (states[k] - np.sign(move)) * stays
+        state, early, late = states.T
+        np.testing.assert_allclose(lag, early - late, rtol=0, atol=1e-12)
+        assert np.abs(lag).max() > 0.4  # of ζ = 1 − e^(−s/σ) from rest
         if rate < 100:
             behind = -1 + (1 + state[999]) * np.exp(-way / DAHL_STROKE)
             np.testing.assert_allclose(state[1000:], behind, rtol=0, atol=1e-12)

@@ -19,7 +19,7 @@ from runtime.identification.expected_accuracy.planned_samples import (
     noise_of,
     planned_recording,
 )
-from runtime.identification.payload.body import ArmModel
+from runtime.identification.payload.arm_error import ArmModel
 from runtime.library import Library
 from runtime.recording import Friction
 from runtime.simulation import Plant, ideal

@@ -6,7 +6,8 @@ import pytest
 from runtime import identify_payload
 from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
 from runtime.identification.payload import estimate as module
-from runtime.identification.payload.body import ArmModel, arm_covariance, mount_of
+from runtime.identification.payload.arm_error import ArmModel, arm_covariance
+from runtime.identification.payload.body import mount_of
 from runtime.recording import Friction
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from runtime import identify_payload, write_recording
 from runtime.errors import RuntimeFault
-from runtime.identification.payload.body import ArmModel
+from runtime.identification.payload.arm_error import ArmModel
 from runtime.recording import Friction, Preparation
 
 

@@ -1,0 +1,229 @@
+"""Errors of a payload beside the noise of its rows: of the arm's model, of gains, and of postures.
+
+Known model of the arm, from the URDF or a result of identify:
+
+    δπ_load = −C Σ Y_kᵀ W A δ,   C = (Σ Y_kᵀ W Y_k)⁻¹
+
+with the offsets taken out of both Y. For an identified arm A = [Y_b, F], and δ(β, φ) has the
+covariance of its posterior and the usual change of friction from day to day. For others A = Y and
+δ ~ N(0, s² R Rᵀ), with R Rᵀ the spread of the inertial prior, 25 % of every direction, and s ≤ 1
+the scale of it that the residual supports: an arm that fits to a percent is not 25 % off. Against
+an empty run of the same motion the errors of the arm cancel.
+
+The gains of the torque sensors are a fixed error too:
+
+    τ_measured,j = (1 + g_j) τ_j,   g_j ~ N(0, s²)
+    δπ = Σ_j g_j v_j,   v_j = C Σ Y_kjᵀ τ_j / σ_j²,   C = (Σ Y_kᵀ W Y_k)⁻¹
+
+with the offsets taken out of Y and τ, and s at most the expected one, by what the residual shows of
+it (`model_error.gain_error`). Against an empty run, and with a model that was identified by the
+same sensors, the gains act on the torque of the payload alone. A wrong gain does not average out in
+a longer log.
+
+`posture_error` is the error beside the payload that repeats with a joint's position,
+
+    u_g = (A − A_g)⁻¹ s_g,   s_g = Σ_{i in g} Y_iᵀ W e_i,   V = t² (K − 1)/K Σ_g (u_g − ū)²
+
+What the model or an empty run lacks (a spring, a cable, torque that no model has) returns wherever
+the posture returns, so that periods of a motion do not average it, and residuals that are
+correlated in time do not show it. u_g is the change of π without the rows g, a K-th of them that
+are neighbours in the position of a joint. t is the 95 % quantile of Student's t with K − 1 degrees
+of freedom over that of the normal distribution.
+Source: linear propagation of fixed parameters; delete-a-group jackknife, Efron & Stein 1981; the
+scale by the method of moments and groups of postures are ours.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
+from runtime.estimators.regression.model_error import gain_error
+from runtime.estimators.regression.samples import NORMAL_95, Samples
+from runtime.identification.posterior_file import FILE, read_posterior
+from runtime.identification.saved_result import read_result, require_model
+from runtime.library import Array, Library
+from runtime.library.parameters import N_PARAMETERS
+from runtime.recording import Friction, Recording
+
+LEAST_TRAVEL = 0.02
+"""Smallest travel that the distance is related to, rad or m."""
+GROUPS = 5
+"""K, groups of rows per joint."""
+
+FEW = 2.7764451051977934 / NORMAL_95
+"""t: intervals are those of a normal distribution, and K groups know their variance badly."""
+
+SIGNIFICANT = 12.0
+"""Variance by groups over that of the noise from which it is said. Of 7 joints and 10 entries the
+largest ratio in 24 runs of an FR3 with white and coloured noise is 10.6: the groups are few, and
+those at the ends of a range weigh most."""
+
+COUNTED = 6.0
+"""The same of the mass from which intervals contain it. In 200 runs of an FR3 with white noise and
+noise below 10, 3, 1 and 0.3 Hz it is exceeded in 5; a load of 105 g on a PSM has 7.5 to 19 at 1 to
+2 Hz, and 18 to 99 above."""
+FRICTION_DAY = 0.05
+"""Usual relative change of a friction coefficient of a healthy arm from day to day: those of a UR5
+differ by 3 to 7 %."""
+_BLOCK = 4096
+_RANK = 1e-10
+"""Eigenvalue relative to the largest below which an error of the arm has no effect on torques."""
+_FEW = 2.0
+"""Factor on s² for the few directions, about twenty, that dominate its estimate."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArmModel:
+    """Parameters and friction of the arm, fixed while the payload is identified."""
+
+    pi: Array  # standard parameters, (10 n,)
+    friction: Friction  # friction columns and widths
+    phi: Array  # friction coefficients, (n, k)
+    origin: str  # source of the model, for the report
+    # root of the covariance of [β; φ] for readings of the same sensors, (n_b + n k, m); None where
+    # no posterior states it
+    root: Array | None = None
+    # no error of the model enters the intervals of a payload; for simulated arms
+    is_exact: bool = False
+
+
+def arm_model(lib: Library) -> ArmModel:
+    """The URDF's parameters without friction."""
+    return ArmModel(lib.pi0, Friction(()), np.zeros((lib.n_joints, 0)), "the URDF, no friction")
+
+
+def read_arm_model(path: Path, lib: Library) -> ArmModel:
+    """Read the arm from a result of identify."""
+    saved, root = read_result(path), None
+    notes = require_model(saved.record, lib, path)
+    origin = "; ".join((f"identified, '{path}'", *notes))
+    if (path if path.is_dir() else path.parent).joinpath(FILE).exists():
+        root = read_posterior(path, saved, lib).of_readings().root(lib)
+        day = np.zeros((len(root), saved.phi.size))
+        day[-saved.phi.size or len(day) :] = np.diag(FRICTION_DAY * saved.phi.ravel())
+        root = np.hstack([root, day])
+    return ArmModel(saved.pi, saved.friction, saved.phi, origin, root)
+
+
+def posterior_covariance(
+    lib: Library, root: Array, samples: Samples, columns: Array, noise: Array, shape: Array
+) -> Array:
+    """Covariance of a payload's π by the posterior of the arm, with J = C Σ_i Y_iᵀ W [Y_b, F].
+
+    root (n_b + n k, m), columns Y (N, n, 10), noise (n,) [N·m, N], shape C (10, 10) → (10, 10).
+    """
+    rows = (columns - columns.mean(axis=0)) / noise[:, None] ** 2
+    cross = np.zeros((N_PARAMETERS, len(root)))
+    for i in range(0, len(samples), _BLOCK):  # the offsets take the means
+        part = samples.rows(slice(i, i + _BLOCK))
+        arm = np.concatenate([part.base_rows(lib), part.friction_rows()], axis=2)
+        weighted = rows[i : i + _BLOCK].reshape(-1, N_PARAMETERS)
+        cross += weighted.T @ arm.reshape(-1, len(root))
+    moved = shape @ cross @ root
+    return np.asarray(moved @ moved.T)
+
+
+def arm_covariance(
+    lib: Library, model: ArmModel, run: Recording, columns: Array, noise: Array, errors: Array,
+    payload: Array,
+) -> Array:  # fmt: skip
+    """Covariance of a payload's π that comes from the arm's model.
+
+    columns (N, n, 10), noise (n,) [N·m, N], errors (N, n) [N·m, N], payload (10, 10) → (10, 10).
+    """
+    # R of the arm: block-diagonal root of the prior's spread at its parameters.
+    spread = bodies_of(lib).spread(prior_of(lib, model.pi).centre) / np.sqrt(CAD)
+    motion = (run.q, run.required("dq"), run.required("ddq"))
+    rows = (columns - columns.mean(axis=0)) / noise[:, None]
+    width = lib.n_links * N_PARAMETERS
+    mean, cross = np.zeros((len(noise), width)), np.zeros((N_PARAMETERS, width))
+    gram, slope = np.zeros((width, width)), np.zeros(width)
+    for i in range(0, len(run), _BLOCK):
+        part = slice(i, i + _BLOCK)
+        y = lib.regressor(*(each[part] for each in motion)) / noise[:, None]
+        links = y.reshape(*y.shape[:2], lib.n_links, N_PARAMETERS)
+        arm = np.einsum("ijkl,klm->ijkm", links, spread).reshape(y.shape)
+        flat = arm.reshape(-1, width)
+        cross += rows[part].reshape(-1, N_PARAMETERS).T @ flat
+        gram += flat.T @ flat
+        slope += (errors[part] / noise).ravel() @ flat
+        mean += arm.sum(axis=0)
+    # The offsets take the means; the payload takes what its columns explain of the rest.
+    gain = payload @ cross
+    arm_rows = rows.reshape(-1, N_PARAMETERS)
+    taken = np.linalg.pinv(arm_rows.T @ arm_rows, rcond=_RANK, hermitian=True) @ cross
+    left = gram - mean.T @ mean / len(run) - cross.T @ taken
+    # Energy of the residual in the span of the arm's columns, over that of the whole prior: noise
+    # enters it by a few dozen of N n equations only.
+    energy = float(slope @ np.linalg.pinv(left, rcond=_RANK, hermitian=True) @ slope)
+    scale = min(1.0, _FEW * energy / max(float(np.trace(left)), 1e-300))
+    return np.asarray(scale * gain @ gain.T)
+
+
+def gain_covariance(
+    columns: Array, torque: Array, errors: Array, noise: Array, shape: Array, density: float,
+    expected: float,
+) -> tuple[Array, float]:  # fmt: skip
+    """Covariance of a payload's π by independent errors of the torque gains, and their σ.
+
+    columns Y (N, n, 10), torque (N, n) and errors (N, n) [N·m, N] of noise (n,) times the root of
+    the density, shape C (10, 10), expected relative σ, which is the largest one.
+    """
+    sizes, axes = np.linalg.eigh(shape)
+    root = axes * np.sqrt(np.maximum(sizes, 0.0))
+    rows = (columns - columns.mean(axis=0)) / noise[:, None]
+    varying = (torque - torque.mean(axis=0)) / noise
+    taken = root.T @ np.einsum("ijk,ij->kj", rows, varying)
+    moved, sigma = gain_error(taken, varying, errors / noise, density, expected)
+    moved = root @ moved
+    return moved @ moved.T, sigma
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PostureDeviation:
+    """Errors that repeat with the position of a joint."""
+
+    joint: str  # its name
+    factors: Array  # of the standard deviations of π, (10,), at least 1
+    is_sure: bool  # whether more than noise shows them
+
+    @property
+    def sentence(self) -> str:
+        """Note of the result."""
+        return (
+            "the torque beside the payload has errors that repeat with the position of "
+            f"'{self.joint}': the intervals contain them (mass: {self.factors[0]:.1f} times the "
+            "noise); check the setting link, and record both runs with the same cables, springs "
+            "and temperature"
+        )
+
+    def widened(self, covariance: Array) -> Array:
+        """Covariance of π (10, 10) with the standard deviations times the factors."""
+        return self.factors[:, None] * covariance * self.factors
+
+
+def posture_error(
+    run: Recording, names: Sequence[str], rows: Array, errors: Array, shape: Array,
+    covariance: Array,
+) -> PostureDeviation | None:  # fmt: skip
+    """Errors that repeat with the position of the joint where they are largest."""
+    whole, variance, q = np.linalg.inv(shape), np.diagonal(covariance), run.q
+    worst, largest = None, (False, 1.0)
+    for joint in np.flatnonzero(np.ptp(q, axis=0) > LEAST_TRAVEL):
+        edges = np.quantile(q[:, joint], np.arange(1, GROUPS) / GROUPS)
+        group = np.searchsorted(edges, q[:, joint])
+        changes = []
+        for k in range(GROUPS):
+            part = rows[group == k].reshape(-1, rows.shape[2])
+            score = part.T @ errors[group == k].ravel()
+            changes.append(np.linalg.solve(whole - part.T @ part, score))
+        ratio = (GROUPS - 1) * np.var(changes, axis=0) / variance
+        sure = float(ratio.max()) / SIGNIFICANT
+        size = sure > 1.0, max(float(ratio[0]) / COUNTED, sure)  # what is said comes first
+        if size > largest:
+            factors = np.maximum(FEW * np.sqrt(ratio), 1.0)
+            worst, largest = PostureDeviation(names[int(joint)], factors, size[0]), size
+    return worst

@@ -46,6 +46,32 @@ class CompiledMjcf:
     joints: tuple[dict[str, Any], ...] = ()
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Bodies:
+    """Bodies of a compiled model as links, whose frames lie at the anchors of their last joints."""
+
+    mujoco: Any  # the package
+    model: Any  # its compiled model
+    names: list[str]  # of the links
+    # body → anchor of its last joint in the body's frame, (3,) m; of bodies that are not left out
+    shifts: dict[int, np.ndarray]
+
+    def joint(self, k: int) -> str:
+        """Name of a joint."""
+        return self.model.joint(k).name or f"joint_{k}"
+
+    def tendon(self, k: int) -> str:
+        """Name of a tendon."""
+        return self.model.tendon(k).name or f"tendon_{k}"
+
+    def is_joint(self, k: int, *kinds: str) -> bool:
+        """Whether a joint is of one of these kinds: FREE, BALL, SLIDE, HINGE."""
+        types = self.mujoco.mjtJoint
+        return int(self.model.jnt_type[k]) in {
+            int(getattr(types, f"mjJNT_{kind}")) for kind in kinds
+        }
+
+
 def compile_mjcf(path: Path, limits: Limits = LIMITS) -> CompiledMjcf:
     """Compile an MJCF file."""
     try:

@@ -28,7 +28,7 @@ from symgen.chain.document import add_inertial, add_joint, listing, words
 from symgen.chain.mechanism import Loop, Mechanism
 from symgen.chain.normalise import GRAVITY
 from symgen.errors import BuildError
-from symgen.sources.compiled_mjcf import compile_mjcf, rotation_of
+from symgen.sources.compiled_mjcf import Bodies, compile_mjcf, rotation_of
 from symgen.sources.springs import factors_of_tendon, springs_of_mjcf
 
 _FAR = 0.05
@@ -66,12 +66,11 @@ def robot_of_compiled(
     robot = Element("robot", {"name": name})
     names = _unique([model.body(k).name or f"body_{k}" for k in range(model.nbody)])
     SubElement(robot, "link", {"name": names[0]})
-    shifts = {0: np.zeros(3)}  # body → anchor of its last joint in the body's frame
-    kept = _chosen_bodies(mujoco, model, names, chosen, where, note)
+    bodies = Bodies(mujoco, model, names, {0: np.zeros(3)})
+    kept = _chosen_bodies(bodies, chosen, where, note)
     for body in kept:
-        _add_body(robot, mujoco, model, body, names, shifts)
+        _add_body(robot, bodies, body)
     indent(robot, space="  ")
-    joint, tendon = int(mujoco.mjtEq.mjEQ_JOINT), int(mujoco.mjtEq.mjEQ_TENDON)
     rows: list[CouplingRow] = []
     loops: list[Loop] = []
     targets = {k for k in kept if model.body_mocapid[k] >= 0}
@@ -81,16 +80,16 @@ def robot_of_compiled(
     inside = {0, *kept} - targets
     for k in np.flatnonzero(model.eq_active0).tolist():
         kind = int(model.eq_type[k])
-        if not _is_inside(mujoco, model, k, inside):
+        if not _is_inside(bodies, k, inside):
             continue
-        if kind == joint:
+        if kind == int(mujoco.mjtEq.mjEQ_JOINT):
             rows.append(_coupling(model, k))
-        elif kind == tendon:
-            rows.append(_tendon_coupling(mujoco, model, k, {row.joint for row in rows}))
+        elif kind == int(mujoco.mjtEq.mjEQ_TENDON):
+            rows.append(_tendon_coupling(bodies, k, {row.joint for row in rows}))
         else:
-            loops.append(loop_of_equality(mujoco, model, k, names, shifts))
-    assembly = assembly_of(model, inside) if loops else {}
-    springs = springs_of_mjcf(mujoco, model, names, shifts)
+            loops.append(_loop_of_equality(bodies, k))
+    assembly = _assembly_of(bodies, inside) if loops else {}
+    springs = springs_of_mjcf(bodies)
     mechanism = Mechanism(
         coupling=tuple(rows), spring=springs, loop=tuple(loops), assembly=assembly
     )
@@ -98,17 +97,13 @@ def robot_of_compiled(
 
 
 def _chosen_bodies(
-    mujoco: Any,
-    model: Any,
-    names: list[str],
-    chosen: str | None,
-    where: str,
-    note: Callable[[str], None],
+    bodies: Bodies, chosen: str | None, where: str, note: Callable[[str], None]
 ) -> list[int]:
     """Bodies of the robot: those of the chosen tree, or all but objects that float freely."""
+    model, names = bodies.model, bodies.names
     root = np.array(model.body_rootid)
     tops = [k for k in range(1, model.nbody) if root[k] == k]
-    free = int(mujoco.mjtJoint.mjJNT_FREE)
+    free = int(bodies.mujoco.mjtJoint.mjJNT_FREE)
     owners = root[np.array(model.jnt_bodyid, dtype=int)]
     turning = set(owners[np.array(model.jnt_type) != free].tolist())
     floating = set(owners[np.array(model.jnt_type) == free].tolist())
@@ -128,12 +123,13 @@ def _chosen_bodies(
     return [k for k in range(1, model.nbody) if root[k] not in objects]
 
 
-def _is_inside(mujoco: Any, model: Any, k: int, inside: set[int]) -> bool:
+def _is_inside(bodies: Bodies, k: int, inside: set[int]) -> bool:
     """Whether an equality acts on bodies of the robot alone; one with an object does not."""
+    model, kinds = bodies.model, bodies.mujoco.mjtObj
     owners = {
-        int(mujoco.mjtObj.mjOBJ_BODY): lambda at: at,
-        int(mujoco.mjtObj.mjOBJ_SITE): lambda at: int(model.site_bodyid[at]),
-        int(mujoco.mjtObj.mjOBJ_JOINT): lambda at: int(model.jnt_bodyid[at]),
+        int(kinds.mjOBJ_BODY): lambda at: at,
+        int(kinds.mjOBJ_SITE): lambda at: int(model.site_bodyid[at]),
+        int(kinds.mjOBJ_JOINT): lambda at: int(model.jnt_bodyid[at]),
     }
     owner = owners.get(int(model.eq_objtype[k]))
     ends = (int(model.eq_obj1id[k]), int(model.eq_obj2id[k]))
@@ -169,28 +165,20 @@ def _unique(names: list[str]) -> list[str]:
     return names
 
 
-def _add_body(
-    robot: Element,
-    mujoco: Any,
-    model: Any,
-    body: int,
-    names: list[str],
-    shifts: dict[int, np.ndarray],
-) -> None:
+def _add_body(robot: Element, bodies: Bodies, body: int) -> None:
+    model, names = bodies.model, bodies.names
     parent = int(model.body_parentid[body])
     rotation = rotation_of(model.body_quat[body])
-    place = model.body_pos[body] - shifts[parent]
+    place = model.body_pos[body] - bodies.shifts[parent]
     first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
     above, anchor = names[parent], np.zeros(3)
     for k in range(first, first + count):
-        name = model.joint(k).name or f"joint_{k}"
-        kind = int(model.jnt_type[k])
-        if kind == int(mujoco.mjtJoint.mjJNT_FREE) and parent == 0:
+        name = bodies.joint(k)
+        if bodies.is_joint(k, "FREE") and parent == 0:
             # --floating --base BODY builds a free base
             add_joint(robot, name, "floating", above, names[body], place, rotation)
             continue
-        slides = kind == int(mujoco.mjtJoint.mjJNT_SLIDE)
-        ball = kind == int(mujoco.mjtJoint.mjJNT_BALL)
+        slides, ball = bodies.is_joint(k, "SLIDE"), bodies.is_joint(k, "BALL")
         last = k == first + count - 1
         link = names[body] if last else f"{names[body]}_{name}"
         # The frame of the link turns about its anchor; at q = ref it is where the file shows it.
@@ -201,17 +189,20 @@ def _add_body(
             at = at - rotation @ axis * ref
         else:
             rotation = rotation @ pinocchio.AngleAxis(-ref, axis).toRotationMatrix()
-        if ball:  # `chain` refuses it unless it is locked or cut off
-            add_joint(robot, name, "spherical", above, link, at, rotation)
-        else:
-            _add_joint(robot, model, k, name, above, link, at, rotation, slides)
+        limited = bool(model.jnt_limited[k])
+        kind = "prismatic" if slides else "revolute" if limited else "continuous"
+        # `chain` refuses a ball unless it is locked or cut off
+        kind = "spherical" if ball else kind
+        joint = add_joint(robot, name, kind, above, link, at, rotation)
+        if not ball:
+            _complete_joint(joint, model, k, limited)
         above, place, rotation, anchor = link, np.zeros(3), np.eye(3), new
         if not last:
             speck = SubElement(robot, "link", {"name": link})
             add_inertial(speck, SPECK_KG, np.zeros(3), SPECK_KG * 1e-4 * np.eye(3))
     if not count:
         add_joint(robot, f"{names[body]}_mount", "fixed", above, names[body], place, rotation)
-    shifts[body] = anchor
+    bodies.shifts[body] = anchor
     element = SubElement(robot, "link", {"name": names[body]})
     mass = float(model.body_mass[body])
     if mass > 0:
@@ -220,20 +211,8 @@ def _add_body(
         add_inertial(element, mass, model.body_ipos[body] - anchor, inertia)
 
 
-def _add_joint(
-    robot: Element,
-    model: Any,
-    k: int,
-    name: str,
-    parent: str,
-    child: str,
-    at: np.ndarray,
-    rotation: np.ndarray,
-    slides: bool,
-) -> None:
-    limited = bool(model.jnt_limited[k])
-    kind = "prismatic" if slides else "revolute" if limited else "continuous"
-    joint = add_joint(robot, name, kind, parent, child, at, rotation)
+def _complete_joint(joint: Element, model: Any, k: int, limited: bool) -> None:
+    """Axis, limits and friction of a joint."""
     SubElement(joint, "axis", {"xyz": words(model.jnt_axis[k])})
     if limited:
         lower, upper = (f"{float(x):.17g}" for x in model.jnt_range[k])
@@ -269,13 +248,14 @@ def _linear(model: Any, k: int, what: str) -> np.ndarray:
     return c
 
 
-def _tendon_coupling(mujoco: Any, model: Any, k: int, dependent: set[str]) -> CouplingRow:
+def _tendon_coupling(bodies: Bodies, k: int, dependent: set[str]) -> CouplingRow:
     """Row of an equality L_1 − L_1⁰ = c_0 + c_1 (L_2 − L_2⁰) of lengths L = Σ a x along joints.
 
     The joint that follows is the last one of a nonzero factor that follows no other row.
     """
+    model = bodies.model
     first, second = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
-    name = model.tendon(first).name or f"tendon_{first}"
+    name = bodies.tendon(first)
     c = _linear(model, k, f"tendon '{name}'")
     factors: dict[str, float] = {}
     total = float(c[0])
@@ -283,7 +263,7 @@ def _tendon_coupling(mujoco: Any, model: Any, k: int, dependent: set[str]) -> Co
         if tendon < 0:
             continue
         total += share * float(model.tendon_length0[tendon])
-        along = factors_of_tendon(mujoco, model, tendon)
+        along = factors_of_tendon(bodies, tendon)
         if along is None:
             raise BuildError(
                 f"the equality of tendon '{name}' is not one of tendons along joints; remove "
@@ -303,10 +283,9 @@ def _tendon_coupling(mujoco: Any, model: Any, k: int, dependent: set[str]) -> Co
     )
 
 
-def loop_of_equality(
-    mujoco: Any, model: Any, k: int, names: list[str], shifts: dict[int, np.ndarray]
-) -> Loop:
+def _loop_of_equality(bodies: Bodies, k: int) -> Loop:
     """Loop joint of an equality."""
+    mujoco, model, names, shifts = bodies.mujoco, bodies.model, bodies.names, bodies.shifts
     kind, data = int(model.eq_type[k]), np.array(model.eq_data[k])
     kinds = {int(mujoco.mjtEq.mjEQ_CONNECT): "spherical", int(mujoco.mjtEq.mjEQ_WELD): "fixed"}
     if kind not in kinds:
@@ -337,11 +316,12 @@ def loop_of_equality(
     )
 
 
-def assembly_of(model: Any, inside: set[int]) -> dict[str, float]:
+def _assembly_of(bodies: Bodies, inside: set[int]) -> dict[str, float]:
     """Joint → position of the initial pose [rad, m], joints at 0 left out."""
-    positions = {}
+    model, positions = bodies.model, {}
     for k in range(model.njnt):
         value = float(model.qpos0[model.jnt_qposadr[k]])
-        if value and int(model.jnt_bodyid[k]) in inside and model.jnt_type[k] > 1:  # one number
-            positions[model.joint(k).name or f"joint_{k}"] = value
+        one = bodies.is_joint(k, "SLIDE", "HINGE")  # one number
+        if value and int(model.jnt_bodyid[k]) in inside and one:
+            positions[bodies.joint(k)] = value
     return positions

@@ -18,31 +18,28 @@ from symgen.chain import ChainOptions, moving_joints
 from symgen.chain.document import numbers
 from symgen.chain.mechanism import Mechanism, Spring
 from symgen.errors import BuildError
+from symgen.sources.compiled_mjcf import Bodies
 
 _SAME = 1e-12
 """Largest difference of both ends of a tendon's length without force, m or rad: no slack."""
 
 
-def springs_of_mjcf(
-    mujoco: Any, model: Any, names: list[str], shifts: dict[int, np.ndarray]
-) -> tuple[Spring, ...]:
+def springs_of_mjcf(bodies: Bodies) -> tuple[Spring, ...]:
     """Springs of joints and tendons."""
-    springs = []
+    model, springs = bodies.model, []
     for k in range(model.njnt):
-        if int(model.jnt_bodyid[k]) not in shifts:  # of an object that is left out
+        if int(model.jnt_bodyid[k]) not in bodies.shifts:  # of an object that is left out
             continue
-        if model.jnt_type[k] in (mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL):
-            continue
-        name = model.joint(k).name or f"joint_{k}"
+        name = bodies.joint(k)
         _require_linear(model, "jnt", k, f"joint '{name}'")
         if stiffness := _stiffness(model.jnt_stiffness[k], f"joint '{name}'"):
             rest = float(model.qpos_spring[model.jnt_qposadr[k]])
             springs.append(Spring(_word(name), {name: 1.0}, rest=rest, stiffness=stiffness))
     for k in range(model.ntendon):
-        name = model.tendon(k).name or f"tendon_{k}"
+        name = bodies.tendon(k)
         _require_linear(model, "tendon", k, f"tendon '{name}'")
         if stiffness := _stiffness(model.tendon_stiffness[k], f"tendon '{name}'"):
-            springs.append(_of_tendon(mujoco, model, k, name, stiffness, names, shifts))
+            springs.append(_of_tendon(bodies, k, stiffness))
     return tuple(springs)
 
 
@@ -109,41 +106,33 @@ def with_springs_of_file(
     return replace(options, mechanism=mechanism.replace(spring=(*stated, *kept)))
 
 
-def factors_of_tendon(mujoco: Any, model: Any, k: int) -> dict[str, float] | None:
+def factors_of_tendon(bodies: Bodies, k: int) -> dict[str, float] | None:
     """Joint → factor of the length of a tendon along joints; None for another tendon."""
-    factors: dict[str, float] = {}
+    model, factors = bodies.model, dict[str, float]()
     for part in range(model.tendon_adr[k], model.tendon_adr[k] + model.tendon_num[k]):
-        if int(model.wrap_type[part]) != int(mujoco.mjtWrap.mjWRAP_JOINT):
+        if int(model.wrap_type[part]) != int(bodies.mujoco.mjtWrap.mjWRAP_JOINT):
             return None
-        joint = int(model.wrap_objid[part])
-        key = model.joint(joint).name or f"joint_{joint}"
+        key = bodies.joint(int(model.wrap_objid[part]))
         factors[key] = factors.get(key, 0.0) + float(model.wrap_prm[part])
     return factors
 
 
-def _of_tendon(
-    mujoco: Any,
-    model: Any,
-    k: int,
-    name: str,
-    stiffness: float,
-    names: list[str],
-    shifts: dict[int, np.ndarray],
-) -> Spring:
+def _of_tendon(bodies: Bodies, k: int, stiffness: float) -> Spring:
+    model, name = bodies.model, bodies.tendon(k)
     parts = range(model.tendon_adr[k], model.tendon_adr[k] + model.tendon_num[k])
     kinds = {int(model.wrap_type[p]) for p in parts}
     low, high = (float(x) for x in model.tendon_lengthspring[k])
     if high - low <= _SAME * max(1.0, abs(high)):
-        if of := factors_of_tendon(mujoco, model, k):
+        if of := factors_of_tendon(bodies, k):
             return Spring(_word(name), of, rest=low, stiffness=stiffness)
-        if kinds == {int(mujoco.mjtWrap.mjWRAP_SITE)} and len(parts) == 2:
+        if kinds == {int(bodies.mujoco.mjtWrap.mjWRAP_SITE)} and len(parts) == 2:
             sites = [int(model.wrap_objid[p]) for p in parts]
-            bodies = [int(model.site_bodyid[s]) for s in sites]
+            ends = [int(model.site_bodyid[s]) for s in sites]
             first, second = (
-                tuple((model.site_pos[s] - shifts[b]).tolist())
-                for s, b in zip(sites, bodies, strict=True)
+                tuple((model.site_pos[s] - bodies.shifts[b]).tolist())
+                for s, b in zip(sites, ends, strict=True)
             )
-            parent, child = (names[b] for b in bodies)
+            parent, child = (bodies.names[b] for b in ends)
             return Spring(_word(name), {}, parent, child, first, second, low, stiffness)
     raise BuildError(
         f"the tendon '{name}' is a spring, expected one without slack along joints or between two "

@@ -29,7 +29,6 @@ from runtime.common.files import DRAFT, json_of, replacing, write_json
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.safety import Safety
-from runtime.excitation.proof.certificate import slowed
 from runtime.excitation.search.design import design
 from runtime.excitation.search.information import Information, information
 from runtime.excitation.trajectory_file import read_trajectory, write_trajectory
@@ -318,7 +317,7 @@ def move_to(
     way = way_to(driver.lib, here, start, safety).trajectory
     if way is None:
         return
-    slow = slowed(way, speed)
+    slow = way.slowed(speed)
     say(f"the robot moves to the start, {slow.duration:.3g} s at {100 * speed:g} % speed")
     done = driver.stream(slow, guards=usual_guards(driver.lib, driver.rate_hz))
     if done.stop is not None:

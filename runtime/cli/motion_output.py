@@ -16,6 +16,7 @@ from runtime.errors import RuntimeFault
 from runtime.excitation.limits.carried_body import OBSTACLE
 from runtime.excitation.limits.safety import Safety, require_consent
 from runtime.excitation.limits.safety import unchecked as unchecked_limits
+from runtime.excitation.motion.trajectory import require_speed
 from runtime.excitation.motion_export import CERTIFICATE, MOTION_FORMATS, export_trajectory
 from runtime.excitation.proof.certificate import (
     DISTANCES,
@@ -23,8 +24,6 @@ from runtime.excitation.proof.certificate import (
     CertifiedMotion,
     Use,
     certified,
-    require_speed,
-    slowed,
 )
 from runtime.excitation.search.design import Design
 from runtime.excitation.search.design_settings import LONGEST
@@ -172,7 +171,7 @@ def at_speed(motion: CertifiedMotion, speed: float) -> CertifiedMotion:
     """The same path at a fraction of the speed, with the certificate of that speed."""
     if speed == 1:
         return motion
-    return certified(motion.lib, slowed(motion.trajectory, speed), motion.safety)
+    return certified(motion.lib, motion.trajectory.slowed(speed), motion.safety)
 
 
 def certified_stages(

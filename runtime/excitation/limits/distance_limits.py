@@ -57,13 +57,13 @@ class TipBox:
 
     def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
         """Values, and rates from ±v."""
-        p, v, _ = sampled.tip()
+        p, v, _ = sampled.tip
         g = np.concatenate([p - self.upper, self.lower - p], axis=1) / LENGTH
         return g, np.concatenate([v, -v], axis=1) / LENGTH
 
     def rise(self, bounds: IntervalBounds) -> Array:
         """Rise by d²p/dt²."""
-        p, _, second, _ = bounds.tip()
+        p, _, second, _ = bounds.tip
         rise = bounds.bend(second) + ROUNDING * p
         return np.repeat(rise[:, None] / LENGTH, len(self.labels), axis=1)
 
@@ -98,13 +98,13 @@ class TipSpeed:
 
     def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
         """Values, and rates v · dv/dt / v_max²."""
-        _, v, dv = sampled.tip()
+        _, v, dv = sampled.tip
         square, rate = (np.einsum("ni,ni->n", v, x)[:, None] / self.limit**2 for x in (v, dv))
         return (square - 1) / 2, rate
 
     def rise(self, bounds: IntervalBounds) -> Array:
         """Rise by v · d²v/dt² + (dv/dt)²."""
-        _, v, dv, ddv = bounds.tip()
+        _, v, dv, ddv = bounds.tip
         rise = bounds.bend(v * ddv + dv**2) + ROUNDING * v**2
         return rise[:, None] / self.limit**2
 

@@ -16,6 +16,7 @@ each other. Joints that move both bodies leave the distance, and each of the oth
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -48,8 +49,6 @@ class IntervalBounds:
         self.motion, self.step = motion, step
         self._lib, self._rows = lib, np.ascontiguousarray(motion.swapaxes(0, 1))
         self._torques: dict[bytes, Array] = {}
-        self._tip: Array | None = None
-        self._speeds: tuple[Array, Array] | None = None
 
     def bend(self, second: Array) -> Array:
         """Rise of functions (K, R) above the larger ends of intervals, δ²/8 sup |g''|."""
@@ -62,16 +61,17 @@ class IntervalBounds:
             self._torques[key] = self._lib.torque_bounds(self._rows, pi).swapaxes(0, 1)
         return self._torques[key]
 
+    @cached_property
     def tip(self) -> Array:
         """Bounds of |p| of the tip and three derivatives in time, (4, K)."""
-        if self._tip is None:
-            self._tip = self._lib.tip_bounds(np.ascontiguousarray(self._rows[:, :4])).T
-        return self._tip
+        return self._lib.tip_bounds(np.ascontiguousarray(self._rows[:, :4])).T
+
+    @cached_property
+    def _speeds(self) -> tuple[Array, Array]:
+        return self._lib.speed_bounds(np.ascontiguousarray(self._rows[:, :2]))
 
     def approach(self, first: Body, second: Body = BASE) -> Array:
         """Bound of the rate of the distance of two bodies, (K,) m/s."""
-        if self._speeds is None:
-            self._speeds = self._lib.speed_bounds(np.ascontiguousarray(self._rows[:, :2]))
         origin, turn = self._speeds
         one, other = _path(self._lib, first.joint), _path(self._lib, second.joint)
         total = np.zeros(len(turn))
@@ -96,7 +96,6 @@ class SampledMotion:
     def __init__(self, lib: Library, motion: Array) -> None:
         self.lib, self.motion = lib, motion
         self._torques: dict[bytes, tuple[Array, Array, Array]] = {}
-        self._tip: tuple[Array, Array, Array] | None = None
 
     def torques(self, pi: Array) -> tuple[Array, Array, Array]:
         """Torques τ and their rates dτ/dt and d²τ/dt², (N, n), under parameters π (10 n,)."""
@@ -106,13 +105,12 @@ class SampledMotion:
             self._torques[key] = self.lib.torque_with_rates(q, dq, ddq, dddq, ddddq, pi)
         return self._torques[key]
 
+    @cached_property
     def tip(self) -> tuple[Array, Array, Array]:
         """Place, velocity and acceleration of the tip, (N, 3) m, m/s and m/s²."""
-        if self._tip is None:
-            q, dq, ddq = self.motion[:3]
-            p, v, dp_dq, dv_dq = self.lib.tip_motion(q, dq)
-            self._tip = p, v, times(dv_dq, dq) + times(dp_dq, ddq)
-        return self._tip
+        q, dq, ddq = self.motion[:3]
+        p, v, dp_dq, dv_dq = self.lib.tip_motion(q, dq)
+        return p, v, times(dv_dq, dq) + times(dp_dq, ddq)
 
 
 def times(jacobian: Array, speed: Array) -> Array:

@@ -219,6 +219,30 @@ class Trajectory:
         q, dq, ddq, dddq = np.einsum("jm,tmd->dtj", self.coefficients, basis)
         return q + self.home, dq, ddq, dddq
 
+    @property
+    def parts(self) -> "tuple[Trajectory, ...]":
+        """The motion itself: that of several in a row has more."""
+        return (self,)
+
+    @property
+    def starts(self) -> tuple[float, ...]:
+        """Time at which it begins [s]."""
+        return (0.0,)
+
+    def slowed(self, speed: float) -> "Trajectory":
+        """The same path at a lower speed, in the duration t_f / speed."""
+        return replace(self, duration=self.duration / require_speed(speed))
+
+
+def require_speed(speed: float) -> float:
+    """The speed itself, where it is a share above 0 and up to 1."""
+    if not 0 < speed <= 1:
+        raise IdentificationError(
+            f"a replay needs a speed above 0 and up to 100 %, got {100 * speed:g} %; a faster "
+            "motion must be designed with a shorter --duration"
+        )
+    return speed
+
 
 def basis_of(name: str, zero_jerk: bool = False) -> Basis:
     """The basis of this name."""
@@ -300,8 +324,7 @@ class JoinedMotion:
 
     def slowed(self, speed: float) -> "JoinedMotion":
         """All parts at a share of their speeds, above 0 and up to 1."""
-        parts = tuple(replace(part, duration=part.duration / speed) for part in self.parts)
-        return replace(self, parts=parts)
+        return replace(self, parts=tuple(part.slowed(speed) for part in self.parts))
 
 
 def end_of(trajectory: Trajectory) -> Array:

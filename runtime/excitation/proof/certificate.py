@@ -7,12 +7,11 @@ onto the limits that they touch, are further ones.
 """
 
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.errors import ExportError, IdentificationError
+from runtime.errors import ExportError
 from runtime.excitation.limits.carried_body import EMPTY_HAND
 from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.dependent_joints import KINDS as DEPENDENT
@@ -166,9 +165,6 @@ def _unlimited(limits: dict[str, Array], kind: str) -> NDArray[np.bool_]:
     return ~np.isfinite(limits[kind])
 
 
-AnyMotion = TypeVar("AnyMotion", Trajectory, JoinedMotion, Trajectory | JoinedMotion)
-
-
 @dataclass(frozen=True, slots=True)
 class CertifiedMotion:
     """A trajectory of a robot and the certificate of its limits, which need not hold."""
@@ -214,16 +210,13 @@ def _certificate(
     lib: Library, trajectory: Trajectory | JoinedMotion, safety: Safety | None
 ) -> Certificate:
     """Certificate of a motion; of several in a row the largest use of every limit."""
-    if isinstance(trajectory, Trajectory):
-        return certificate_of(lib, trajectory, safety)
     parts = [certificate_of(lib, part, safety) for part in trajectory.parts]
-    starts = trajectory.starts
     later = [
         [
             [replace(use, time=use.time + start) for use in uses]
             for uses in (part.uses, part.distances)
         ]
-        for part, start in zip(parts, starts, strict=True)
+        for part, start in zip(parts, trajectory.starts, strict=True)
     ]
     uses, distances = (
         tuple(_largest(same) for same in zip(*(part[k] for part in later), strict=True))
@@ -251,30 +244,12 @@ def fastest(motion: CertifiedMotion) -> float:
     low, high = (100, 101) if certificate.holds else (0, 100)
     while high - low > 1:
         percent = (low + high) // 2
-        slow = slowed(motion.trajectory, percent / 100)
+        slow = motion.trajectory.slowed(percent / 100)
         if _certificate(motion.lib, slow, motion.safety).holds:
             low = percent
         else:
             high = percent
     return low / 100
-
-
-def slowed(trajectory: AnyMotion, speed: float) -> AnyMotion:
-    """The same path at a lower speed, in the duration t_f / speed."""
-    require_speed(speed)
-    if isinstance(trajectory, JoinedMotion):
-        return trajectory.slowed(speed)
-    return replace(trajectory, duration=trajectory.duration / speed)
-
-
-def require_speed(speed: float) -> float:
-    """The speed itself, where it is a share above 0 and up to 1."""
-    if not 0 < speed <= 1:
-        raise IdentificationError(
-            f"a replay needs a speed above 0 and up to 100 %, got {100 * speed:g} %; a faster "
-            "motion must be designed with a shorter --duration"
-        )
-    return speed
 
 
 def pulled_inside(

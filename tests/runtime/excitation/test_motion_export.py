@@ -13,7 +13,7 @@ from runtime.errors import ExportError, IdentificationError, RuntimeFault
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.motion_export import MOTION_FORMATS, export_trajectory
-from runtime.excitation.proof.certificate import certificate_of, certified, pulled_inside, slowed
+from runtime.excitation.proof.certificate import certificate_of, certified, pulled_inside
 from runtime.library import Library
 from tests.runtime.conftest import Command
 
@@ -82,7 +82,7 @@ def test_ros_message(lib: Library, motion: Trajectory, tmp_path: Path) -> None:
 @pytest.mark.parametrize("duration", [10.0, 10.0004, 9.9996, 12.3])
 def test_libfranka_table(lib: Library, motion: Trajectory, tmp_path: Path, duration: float) -> None:
     """Oracle: one row per millisecond, from rest at home to rest at home, whole ms upwards."""
-    motion = slowed(Trajectory(lib.home, 0.9 * motion.coefficients, duration), 1.0)
+    motion = Trajectory(lib.home, 0.9 * motion.coefficients, duration).slowed(1.0)
     path = export_trajectory(
         certified(lib, motion), tmp_path / "m", "libfranka", rate=7.0, unchecked=ALL
     )
@@ -143,7 +143,7 @@ def test_nothing_unproven_is_written(
         export_trajectory(certified(lib, bad), tmp_path / "m", kind, unchecked=ALL)
     assert list(tmp_path.iterdir()) == []
     if advice := re.search(r"--speed (\d+)", str(caught.value)):
-        slow = slowed(bad, int(advice[1]) / 100)
+        slow = bad.slowed(int(advice[1]) / 100)
         export_trajectory(certified(lib, slow), tmp_path / "m", kind, 100.0, unchecked=ALL)
 
 
@@ -215,7 +215,7 @@ def test_excite_asks_before_the_search(
 
 def test_tip_speed_is_its_share(lib: Library, motion: Trajectory) -> None:
     """Property: the use of the tip's speed is v / v_max, as with all other limits."""
-    slow = slowed(motion, 0.5)
+    slow = motion.slowed(0.5)
     uses = certificate_of(lib, slow, Safety()).uses
     use = next(use for use in uses if use.kind == "tip speed")
     t = np.linspace(0, slow.duration, 20_001)

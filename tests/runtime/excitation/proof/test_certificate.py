@@ -17,7 +17,6 @@ from runtime.excitation.proof.certificate import (
     fastest,
     joint_bounds,
     pulled_inside,
-    slowed,
 )
 from runtime.library import Library
 
@@ -163,7 +162,7 @@ def test_designs_are_pulled_inside(lib: Library, trajectories: tuple[Trajectory,
 def test_slowing_keeps_the_path(lib: Library, trajectories: tuple[Trajectory, ...]) -> None:
     """Property: the same positions later; uses fall with r, r², r³; `fastest` in percents."""
     motion = Trajectory(lib.home, trajectories[0].coefficients, 5.0)
-    half = slowed(motion, 0.5)
+    half = motion.slowed(0.5)
     t = np.linspace(0, 5, 51)
     assert np.array_equal(half.at(lib, 2 * t)[0], motion.at(lib, t)[0])
     for k in range(4):
@@ -172,14 +171,14 @@ def test_slowing_keeps_the_path(lib: Library, trajectories: tuple[Trajectory, ..
     motion = Trajectory(lib.home, 0.9 * motion.coefficients, 5.0)
     r = fastest(certified(lib, motion))
     assert 0.1 < r < 1
-    assert certificate_of(lib, slowed(motion, r)).holds
-    assert not certificate_of(lib, slowed(motion, r + 0.01)).holds
+    assert certificate_of(lib, motion.slowed(r)).holds
+    assert not certificate_of(lib, motion.slowed(r + 0.01)).holds
     with np.errstate(all="ignore"):
         lost = Trajectory(lib.home, np.full((7, 2), np.nan), 5.0)
         assert fastest(certified(lib, lost)) == 0
     for wrong in (0.0, 1.1, -1.0, np.nan):
         with pytest.raises(IdentificationError, match="a replay needs a speed above 0"):
-            slowed(motion, wrong)
+            motion.slowed(wrong)
 
 
 def test_motions_in_a_row_use_what_the_largest_of_them_uses(lib: Library) -> None:

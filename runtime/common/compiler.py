@@ -7,9 +7,10 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from runtime.common.errors import CompilerError
 
@@ -70,6 +71,34 @@ def accepts(compiler: Words, flags: Sequence[str]) -> bool:
 def _probed(compiler: Words, flags: Words, *_: object) -> bool:
     probe = [*compiler, "-Werror", *flags, "-x", "c", "-E", os.devnull]
     return subprocess.run(probe, capture_output=True, check=False).returncode == 0
+
+
+def compile_commands(
+    how: Mapping[str, Any], levels: Sequence[str], compiler: Words, folder: Path, target: Path
+) -> list[Words]:
+    """Commands, to run in a folder, that compile its C files, the longest first, and link `target`.
+
+    `how` is the content of compile.json. Levels that the compiler does not support are left out.
+    """
+    place = "" if target.parent == folder else f"{target.parent}/"
+    units: list[tuple[int, Words]] = []
+    has_better = False  # levels are listed from the best on
+    for group in how["groups"]:
+        level = group["level"]
+        flags = [spelled(flag, compiler) for flag in group["flags"]]
+        sets = [flag for flag in flags if flag.startswith("-march=")]
+        if (level and level not in levels) or not accepts(compiler, sets):
+            continue
+        flags += group["gcc"] if accepts(compiler, group["gcc"]) else ()  # only GCC accepts them
+        flags += group["beside"] if has_better else ()
+        has_better |= bool(level)
+        for name in group["sources"]:
+            made = f"{place}{Path(name).stem}{'_' * bool(level)}{level}.o"
+            command = (*compiler, *how["flags"], *flags, "-c", name, "-o", made)
+            units.append(((folder / name).stat().st_size, command))
+    commands = [command for _, command in sorted(units, key=lambda unit: -unit[0])]
+    objects = [command[-1] for command in commands]
+    return [*commands, (*compiler, "-o", f"{place}{target.name}", *objects, *how["link"])]
 
 
 def run(command: Words, folder: Path) -> None:

@@ -28,18 +28,17 @@ from typing import Annotated
 
 import platformdirs
 from filelock import FileLock
-from msgspec import Meta
+from msgspec import Meta, to_builtins
 from rich.console import Console
 from rich.progress import Progress, TimeElapsedColumn
 
 from runtime.common.compiler import (
     Words,
-    accepts,
+    compile_commands,
     compiler_version,
     find_compiler,
     machine,
     run,
-    spelled,
 )
 from runtime.common.files import bytes_of, json_of, json_text, require_file, sha256_of
 from runtime.common.records import Record, record_from_table
@@ -349,24 +348,7 @@ def compile_folder(
     folder: Path, recipe: CompileRecipe, levels: Words, compiler: Words, target: Path
 ) -> list[Words]:
     """Compile the C code of a generated folder for some levels, outside that folder."""
-    units: list[tuple[int, Words, Path]] = []
-    has_better = False  # levels are listed from the best on
-    spared = {group.gcc for group in recipe.groups if accepts(compiler, group.gcc)}
-    for group in recipe.groups:
-        flags = [spelled(flag, compiler) for flag in group.flags]
-        sets = [flag for flag in flags if flag.startswith("-march=")]
-        if (group.level and group.level not in levels) or not accepts(compiler, sets):
-            continue
-        flags += group.gcc if group.gcc in spared else ()
-        flags += group.beside if has_better else ()
-        has_better |= bool(group.level)
-        for name in group.sources:
-            made = target.parent / f"{Path(name).stem}_{group.level}.o"
-            command = (*compiler, *recipe.flags, *flags, "-c", name, "-o", str(made))
-            units.append(((folder / name).stat().st_size, command, made))
-    units.sort(key=lambda unit: -unit[0])  # the longest first
-    commands = [command for _, command, _ in units]
-    link = (*compiler, "-o", str(target), *(str(made) for *_, made in units), *recipe.link)
+    *commands, link = compile_commands(to_builtins(recipe), levels, compiler, folder, target)
     bar = Progress(
         *Progress.get_default_columns()[:2],
         TimeElapsedColumn(),

@@ -260,20 +260,11 @@ class EmittedRobot:
     model_hash: str
 
 
-Early = Callable[[str, str], None]
-"""Callback with name and text of a file that is ready before the others, to compile it early."""
-
-
-def ignored(name: str, text: str) -> None:
-    """Do nothing: the `Early` callback of callers that wait for all files."""
-
-
 def emit(
     name: str,
     kernels: tuple[Kernel, ...],
     facts: dict[str, Any],
     versions: dict[str, str],
-    early: Early = ignored,
     longest_reference: int | None = None,
 ) -> EmittedRobot:
     """Render all files of a generated folder."""
@@ -288,7 +279,6 @@ def emit(
     context: dict[str, Any] = {"name": name, "kernels": kernels, "versions": versions}
     shown = {"reference": reference, "kernels": referenced}
     reference_c = render("reference.c.jinja2", context | shown)
-    early("reference.c", reference_c)
     forms = forms_of(name, kernels)
     manifest = {
         "format": 4,

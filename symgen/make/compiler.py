@@ -6,13 +6,21 @@ levels runs; `levels_of_processor` reads the same from the operating system befo
 
 import os
 import shlex
-from collections.abc import Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
-from runtime.common.compiler import accepts, compiler_version, find_compiler, machine, run, spelled
+from runtime.common.compiler import (
+    accepts,
+    compile_commands,
+    compiler_version,
+    find_compiler,
+    machine,
+    run,
+    spelled,
+)
 from runtime.common.errors import CompilerError
 from runtime.common.files import sha256_of
 
@@ -95,66 +103,22 @@ class Compiled:
     sha256: str
 
 
-class Compilation:
-    """Compilation of the files of a folder on all cores, each as soon as it is written.
-
-    Leaving the context waits for running commands and cancels the others.
-    """
-
-    def __init__(self, folder: Path, how: dict[str, Any], wanted: Sequence[str] = ()) -> None:
-        self._folder, self._compiler = folder, find_compiler()
-        _require_levels(wanted)
-        self._units: dict[str, list[tuple[str, list[str]]]] = {}
-        has_better = False  # levels are listed from the best on
-        spared = {tuple(group["gcc"]) for group in how["groups"]}  # only GCC accepts them
-        spared = {flags for flags in spared if accepts(self._compiler, flags)}
-        for group in how["groups"]:
-            level, is_here = group["level"], group["machine"] in {"", machine()}
-            if not is_here or (wanted and level and level not in wanted):
-                continue
-            flags = [spelled(flag, self._compiler) for flag in group["flags"]]
-            if not accepts(self._compiler, [f for f in flags if f.startswith("-march=")]):
-                if wanted:
-                    raise CompilerError(
-                        f"'{shlex.join(self._compiler)}' cannot compile for the level '{level}'; "
-                        "leave it out or install a newer compiler"
-                    )
-                continue  # an older compiler; the loader takes the best of the others
-            flags += group["gcc"] if tuple(group["gcc"]) in spared else []
-            flags += group["beside"] if has_better else []
-            has_better |= bool(level)
-            for name in group["sources"]:
-                unit = f"{Path(name).stem}_{level}.o" if level else f"{Path(name).stem}.o"
-                self._units.setdefault(name, []).append((unit, flags))
-        self._pool = ThreadPoolExecutor(os.cpu_count())
-        self._running: dict[tuple[str, ...], Future[None]] = {}
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._pool.shutdown(cancel_futures=True)
-
-    def start(self, name: str) -> None:
-        """Compile a complete file in the background, for every level that it belongs to."""
-        for unit, flags in self._units.get(name, []):
-            command = (*self._compiler, *FLAGS, *flags, "-c", name, "-o", unit)
-            if command not in self._running:
-                self._running[command] = self._pool.submit(run, command, self._folder)
-
-    def finish(self, names: Sequence[str], target: Path) -> Compiled:
-        """Compile the remaining files, the longest first, and link them."""
-        for name in sorted(names, key=lambda name: -(self._folder / name).stat().st_size):
-            self.start(name)
-        for future in self._running.values():
-            future.result()
-        objects = [command[-1] for command in self._running]
-        link = (*self._compiler, "-o", target.name, *objects, *LINK)
-        run(link, self._folder)
-        for unit in objects:
-            (self._folder / unit).unlink()
-        version = compiler_version(self._compiler)
-        return Compiled((*self._running, link), version, sha256_of(target))
+def compile_library(
+    folder: Path, how: Mapping[str, Any], wanted: Sequence[str], target: Path
+) -> Compiled:
+    """Compile the C files of a folder for some levels, or all of this machine, on all cores."""
+    compiler = find_compiler()
+    _require_levels(wanted, compiler)
+    *commands, link = compile_commands(how, wanted or level_names(), compiler, folder, target)
+    pool = ThreadPoolExecutor(os.cpu_count())
+    try:
+        list(pool.map(lambda command: run(command, folder), commands))
+    finally:
+        pool.shutdown(cancel_futures=True)
+    run(link, folder)
+    for command in commands:
+        (folder / command[-1]).unlink()
+    return Compiled((*commands, link), compiler_version(compiler), sha256_of(target))
 
 
 def level_names() -> tuple[str, ...]:
@@ -162,12 +126,17 @@ def level_names() -> tuple[str, ...]:
     return (*LEVELS.get(machine(), PORTABLE), REFERENCE)
 
 
-def _require_levels(wanted: Sequence[str]) -> None:
+def _require_levels(wanted: Sequence[str], compiler: tuple[str, ...]) -> None:
     for name in wanted:
         if name not in level_names():
             raise CompilerError(
                 f"there is no level '{name}' on {machine()}; its levels are "
                 f"{', '.join(level_names())}"
+            )
+        if name != REFERENCE and not accepts_level(compiler, name):
+            raise CompilerError(
+                f"'{shlex.join(compiler)}' cannot compile for the level '{name}'; "
+                "leave it out or install a newer compiler"
             )
     if wanted and not set(wanted) - {REFERENCE}:
         raise CompilerError(

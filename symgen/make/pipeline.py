@@ -24,15 +24,15 @@ from runtime.common.files import json_of, json_text, sha256_of
 from runtime.common.user_builds import is_user_build, record_build
 from symgen.catalogue import LONG, make_catalogue
 from symgen.chain import Chain, read_chain
-from symgen.emit.files import Early, EmittedRobot, controller_files, emit, ignored
+from symgen.emit.files import EmittedRobot, controller_files, emit
 from symgen.errors import BuildError
 from symgen.kernel import Kernel
 from symgen.make import VERSION
 from symgen.make.compiler import (
     PORTABLE,
     REFERENCE,
-    Compilation,
     Compiled,
+    compile_library,
     how_to_compile,
     level_names,
 )
@@ -185,9 +185,9 @@ def _draft(request: BuildRequest) -> _Draft:
     return _Draft(chain, catalogue.kernels, facts, notes_of(chain, projected))
 
 
-def _emitted(request: BuildRequest, draft: _Draft, early: Early = ignored) -> EmittedRobot:
+def _emitted(request: BuildRequest, draft: _Draft) -> EmittedRobot:
     longest = LONG if draft.chain.is_large else None
-    robot = emit(request.name, draft.kernels, draft.facts, _versions(), early, longest)
+    robot = emit(request.name, draft.kernels, draft.facts, _versions(), longest)
     files = robot.files | {f"{request.name}.urdf": draft.chain.urdf}
     files["compile.json"] = _compile_facts(files)
     return EmittedRobot(files, robot.model_hash)
@@ -218,18 +218,10 @@ def _compile_facts(files: dict[str, str]) -> str:
 
 
 def _fill(staging: Path, request: BuildRequest, draft: _Draft, levels: Sequence[str]) -> str:
-    """Write and compile all files; the compilation of a file starts as soon as it is written."""
-    with Compilation(staging, how_to_compile(*_KINDS), levels) as compilation:
-        started = set[str]()  # not written again: the compiler may be reading them
-
-        def early(name: str, text: str) -> None:
-            _write_files(staging, {name: text})
-            compilation.start(name)
-            started.add(name)
-
-        files = _emitted(request, draft, early).files
-        _write_files(staging, {name: files[name] for name in files if name not in started})
-        compiled = _compile(compilation, staging / f"lib{request.name}.so", files)
+    """Write and compile all files."""
+    files = _emitted(request, draft).files
+    _write_files(staging, files)
+    compiled = _compile(staging, staging / f"lib{request.name}.so", levels)
     record = {
         "fingerprint": request.fingerprint,
         "levels": sorted(set(levels)),
@@ -248,8 +240,8 @@ def _write_files(staging: Path, files: Mapping[str, str]) -> None:
         (staging / name).write_text(text, encoding="utf-8", newline="\n")
 
 
-def _compile(compilation: Compilation, library: Path, files: Mapping[str, str]) -> Compiled:
-    return compilation.finish([name for kind in _KINDS for name in kind if name in files], library)
+def _compile(staging: Path, library: Path, levels: Sequence[str]) -> Compiled:
+    return compile_library(staging, json_of(staging / "compile.json"), levels, library)
 
 
 @contextmanager

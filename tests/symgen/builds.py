@@ -6,7 +6,8 @@ from pathlib import Path
 
 import symgen
 from runtime.library import load
-from symgen.make.compiler import Compilation, Compiled, how_to_compile
+from symgen.make.compiler import Compiled, how_to_compile
+from symgen.make.compiler import compile_library as compiled
 from symgen.make.pipeline import build
 from symgen.make.request import BuildRequest
 from tests.robots import ONE_LEVEL
@@ -21,8 +22,7 @@ def compile_library(
 ) -> Compiled:
     """Compile sources into one library."""
     kinds = [[path.name for path in paths] for paths in (sources, per_level, unhurried)]
-    with Compilation(target.parent, how_to_compile(*kinds), wanted) as compilation:
-        return compilation.finish([name for kind in kinds for name in kind], target)
+    return compiled(target.parent, how_to_compile(*kinds), wanted, target)
 
 
 def snapshot(folder: Path) -> dict[str, tuple[bytes, int]]:

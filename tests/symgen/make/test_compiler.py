@@ -2,7 +2,6 @@
 
 import ctypes
 import importlib.util
-import shlex
 import shutil
 import sys
 from pathlib import Path
@@ -11,15 +10,7 @@ import pytest
 
 from symgen.errors import CompilerError
 from symgen.make import compiler
-from symgen.make.compiler import (
-    REFERENCE,
-    Compilation,
-    find_compiler,
-    how_to_compile,
-    level_names,
-    machine,
-    sha256_of,
-)
+from symgen.make.compiler import REFERENCE, find_compiler, level_names, machine, sha256_of
 from tests.symgen.builds import compile_library
 
 SOURCE = "double twice(double x);\ndouble twice(double x) { return 2.0 * x; }\n"
@@ -62,28 +53,6 @@ def test_compiles_and_records(source: Path) -> None:
         for command in done.commands
         for flag in command
     )
-
-
-def test_a_file_that_came_early_is_compiled_once(
-    source: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Property: a file started early and again with the others is compiled by one command."""
-    log = source.with_name("calls")
-    program = source.with_name("logging-cc")
-    program.write_text(f'#!/bin/sh\necho "$@" >> {log}\nexec {shlex.join(find_compiler())} "$@"\n')
-    program.chmod(0o755)
-    monkeypatch.setenv("CC", str(program))
-    later = source.with_name("later.c")
-    with Compilation(source.parent, how_to_compile([source.name, later.name])) as compilation:
-        compilation.start(source.name)
-        later.write_text("double thrice(double x) { return 3.0 * x; }\n")
-        compilation.finish([source.name, later.name], source.with_name("libtwice.so"))
-    assert works(source.with_name("libtwice.so"))
-    calls = log.read_text().splitlines()
-    assert [sum(f"-c {name} " in call for call in calls) for name in ("twice.c", "later.c")] == [
-        1,
-        1,
-    ]
 
 
 def test_complaint_is_shown(source: Path) -> None:

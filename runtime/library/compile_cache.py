@@ -20,11 +20,11 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import platformdirs
 from filelock import FileLock
@@ -158,41 +158,27 @@ def compiled_library(folder: Path, robot: str, level: str | None = None) -> Path
     levels = _wanted(recipe, level)
     words = json.dumps([recipe.digest, sorted(levels), machine(), sys.platform])
     key = f"{robot}-{hashlib.sha256(words.encode()).hexdigest()[:16]}"
-    roots = _roots()
     try:
         compiler = find_compiler()
         version = f"{shlex.join(compiler)} {compiler_version(compiler)}"
     except CompilerError:
-        made = [entry for root in roots for entry in (root / key).glob("[0-9a-f]*/")]
+        made = [entry for root in _roots() for entry in (root / key).glob("[0-9a-f]*/")]
         for entry in filter(lambda e: is_whole(e, robot), made):
             return _used(entry)  # by any compiler
         raise
     name = Path(key, hashlib.sha256(version.encode()).hexdigest()[:8])
-    for root in roots:
-        if is_whole(root / name, robot):
-            return _used(root / name)
-    require_intact(folder, recipe)
-    root = _writable(roots)
-    with _lock(root / key):
-        if not is_whole(root / name, robot):
-            sys.stderr.write(
-                f"symgen: compiling the C code of '{robot}' once for this machine with "
-                f"{shlex.join(compiler)}, 10 to 60 s; the library is kept in {root}\n"
-            )
-            with _new_folder(root / name) as made_in:
-                library = made_in / f"lib{robot}.so"
-                commands = compile_folder(folder, recipe, levels, compiler, library)
-                library.chmod(0o755)  # whatever the mask: what others can write is not opened
-                record = {
-                    "sha256": sha256_of(library),
-                    "sources": recipe.files,
-                    "levels": sorted(levels),
-                    "compiler": version,
-                    "commands": [shlex.join(command) for command in commands],
-                }
-                (made_in / "build.json").write_text(json_text(record))
-    prune(root, robot)
-    return root / name
+
+    def compiled(library: Path, root: Path) -> dict[str, Any]:
+        require_intact(folder, recipe)
+        sys.stderr.write(
+            f"symgen: compiling the C code of '{robot}' once for this machine with "
+            f"{shlex.join(compiler)}, 10 to 60 s; the library is kept in {root}\n"
+        )
+        commands = compile_folder(folder, recipe, levels, compiler, library)
+        facts = {"sources": recipe.files, "levels": sorted(levels), "compiler": version}
+        return facts | {"commands": [shlex.join(command) for command in commands]}
+
+    return _kept(name, robot, compiled)
 
 
 def compiled_file(source: Path, flags: Words) -> Path:
@@ -201,22 +187,36 @@ def compiled_file(source: Path, flags: Words) -> Path:
     words = [source.read_text(encoding="utf-8"), flags, compiler, machine(), sys.platform]
     digest = hashlib.sha256(json.dumps(words).encode()).hexdigest()[:16]
     version = hashlib.sha256(compiler_version(compiler).encode()).hexdigest()[:8]
+
+    def compiled(library: Path, _: Path) -> dict[str, Any]:
+        command = (*compiler, "-O2", "-shared", "-fPIC", *flags, str(source.resolve()))
+        run((*command, "-o", library.name), library.parent)
+        return {"commands": [shlex.join(command)]}
+
     name = Path(f"{source.stem}-{digest}", version)
-    library = f"lib{source.stem}.so"
+    return _kept(name, source.stem, compiled) / f"lib{source.stem}.so"
+
+
+def _kept(name: Path, robot: str, compiled: Callable[[Path, Path], dict[str, Any]]) -> Path:
+    """Folder of a library in the cache, which one process makes.
+
+    `compiled` makes the library in a cache folder and returns facts for its build.json.
+    """
     roots = _roots()
     for root in roots:
-        if is_whole(root / name, source.stem):
-            return _used(root / name) / library
+        if is_whole(root / name, robot):
+            return _used(root / name)
     root = _writable(roots)
-    with _lock(root / name.parent):
-        if not is_whole(root / name, source.stem):
+    with _lock((root / name).parent):
+        if not is_whole(root / name, robot):
             with _new_folder(root / name) as made_in:
-                command = (*compiler, "-O2", "-shared", "-fPIC", *flags, str(source.resolve()))
-                run((*command, "-o", library), made_in)
-                (made_in / library).chmod(0o755)
-                record = {"sha256": sha256_of(made_in / library), "commands": [shlex.join(command)]}
+                library = made_in / f"lib{robot}.so"
+                facts = compiled(library, root)
+                library.chmod(0o755)  # whatever the mask: what others can write is not opened
+                record = {"sha256": sha256_of(library), **facts}
                 (made_in / "build.json").write_text(json_text(record))
-    return root / name / library
+    prune(root, robot)
+    return root / name
 
 
 def prune(root: Path, robot: str) -> list[Path]:

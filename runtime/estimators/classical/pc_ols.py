@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import clarabel
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.sparse import csc_matrix
 
@@ -143,87 +142,41 @@ def _best(lib: Library, statistics: Statistics, path: Path) -> ConvexOptimum:
 
 
 def cone_optimum(lib: Library, statistics: Statistics) -> ConvexOptimum:
-    """Convex optimum by Clarabel, min t with ‖R x − r‖ ≤ t and P_k ⪰ 0, also on the boundary."""
-    cones = _Cones(lib, statistics)
-    size = cones.width
-    cost = np.zeros(size + 1)
-    cost[-1] = 1.0
-    x, status = _solve(cost, [cones.residual_cone(), cones.consistency(extra=1)])
-    pi, phi = cones.unscaled(x[:size])
-    return ConvexOptimum(statistics.value(pi, phi), pi, phi, np.nan, f"Clarabel: {status}")
+    """Convex optimum by Clarabel, min t with ‖R x − r‖ ≤ t and P_k ⪰ 0, also on the boundary.
 
-
-class _Cones:
-    """Cones of the problem in scaled unknowns x = [π̂; φ], π̂ in units of kg and `LENGTH`."""
-
-    def __init__(self, lib: Library, statistics: Statistics) -> None:
-        scale = np.tile(pi_from_parts(1.0, LENGTH, LENGTH**2), lib.n_links)
-        self._factor = statistics.over_pi()
-        friction = np.linalg.norm(self._factor[:, scale.size :], axis=0)
-        sizes = np.linalg.norm(self._factor[:, : scale.size] * scale, axis=0)
-        # Of a single joint most columns are 0; of arms the median counts all of them.
-        typical = np.median(sizes) or np.median(sizes[sizes > 0])
-        self._lib = lib
-        self._scale = np.concatenate([scale, typical / np.where(friction > 0, friction, typical)])
-        self._statistics = statistics
-        self._unit = max(float(np.linalg.norm(statistics.target)), 1e-30)
-
-    @property
-    def width(self) -> int:
-        return int(self._scale.size)
-
-    def unscaled(self, x: Array) -> tuple[Array, Array]:
-        values = x * self._scale
-        n_pi = self._lib.pi0.size
-        return values[:n_pi], values[n_pi:].reshape(self._lib.n_joints, -1)
-
-    def residual_cone(self) -> "_Block":
-        """‖R x − r‖ ≤ the last unknown, in units of ‖r‖."""
-        matrix = self._factor * self._scale / self._unit
-        top = np.zeros((1, self.width + 1))
-        top[0, -1] = -1.0
-        a = np.vstack([top, np.hstack([-matrix, np.zeros((len(matrix), 1))])])
-        b = np.concatenate([[0.0], -self._statistics.target / self._unit])
-        return _Block(a, a != 0, b, [clarabel.SecondOrderConeT(len(b))])
-
-    def consistency(self, extra: int) -> "_Block":
-        """P̂_k ⪰ 0 per link: svec(P̂_k) = S π̂_k, with S from the kernel P(π) of the library."""
-        n, lib = self._lib.n_links, self._lib
-        size = N_PARAMETERS * n
-        unit = np.tile(np.eye(N_PARAMETERS), (1, n))
-        blocks = lib.pseudo_inertia(unit)[:, 0]
-        root2 = np.sqrt(2.0)
-        one = np.array([[p[i, j] * (1.0 if i == j else root2) for p in blocks] for i, j in _SVEC])
-        a = np.hstack([-block_diag(*[one] * n), np.zeros((size, self.width + extra - size))])
-        whole = block_diag(*[np.ones_like(one)] * n)
-        stored = np.hstack([whole, np.zeros((size, a.shape[1] - whole.shape[1]))]) > 0
-        return _Block(a, stored, np.zeros(size), [clarabel.PSDTriangleConeT(4)] * n)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Block:
-    """Rows b − A x ∈ K, and which entries of A are stored."""
-
-    a: Array
-    stored: NDArray[np.bool_]
-    b: Array
-    cones: list[object]
-
-
-def _solve(cost: Array, blocks: list[_Block]) -> tuple[Array, str]:
+    Unknowns are those of the links in units of kg and `LENGTH`, friction coefficients in units that
+    give their columns the length of those of links, and t in units of ‖r‖.
+    """
+    n, size = lib.n_links, lib.pi0.size
+    factor, target = statistics.over_pi(), statistics.target
+    bodies = np.tile(pi_from_parts(1.0, LENGTH, LENGTH**2), n)
+    friction = np.linalg.norm(factor[:, size:], axis=0)
+    sizes = np.linalg.norm(factor[:, :size] * bodies, axis=0)
+    # Of a single joint most columns are 0; of arms the median counts all of them.
+    typical = np.median(sizes) or np.median(sizes[sizes > 0])
+    scale = np.concatenate([bodies, typical / np.where(friction > 0, friction, typical)])
+    unit = max(float(np.linalg.norm(target)), 1e-30)
+    residual = np.zeros((1 + len(factor), scale.size + 1))
+    residual[0, -1], residual[1:, :-1] = -1.0, -factor * scale / unit
+    # svec(P̂_k) = S π̂_k, with S from the kernel P(π) of the library.
+    of_unit = lib.pseudo_inertia(np.tile(np.eye(N_PARAMETERS), (1, n)))[:, 0]
+    svec = [(1.0 if i == j else np.sqrt(2.0)) * of_unit[:, i, j] for i, j in _SVEC]
+    consistency, of_link = np.zeros((2, size, scale.size + 1))
+    consistency[:, :size] = -block_diag(*[np.array(svec)] * n)
+    of_link[:, :size] = block_diag(*[np.ones_like(svec)] * n)
+    # Entries that are zero by chance are stored, too: what is stored decides the last digits.
+    matrix, stored = np.vstack([residual, consistency]), np.vstack([residual != 0, of_link > 0])
+    places, width = np.nonzero(stored), scale.size + 1
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
     settings.max_iter = 200
-    matrix = np.vstack([block.a for block in blocks])
-    # Entries that are zero by chance are stored, too: what is stored decides the last digits.
-    places = np.nonzero(np.vstack([block.stored for block in blocks]))
     solution = clarabel.DefaultSolver(
-        csc_matrix((cost.size, cost.size)),
-        cost,
+        csc_matrix((width, width)),
+        np.eye(width)[-1],
         csc_matrix((matrix[places], places), shape=matrix.shape),
-        np.concatenate([block.b for block in blocks]),
-        [cone for block in blocks for cone in block.cones],
+        np.concatenate([[0.0], -target / unit, np.zeros(size)]),
+        [clarabel.SecondOrderConeT(len(residual)), *[clarabel.PSDTriangleConeT(4)] * n],
         settings,
     ).solve()
     status = str(solution.status)
@@ -232,7 +185,9 @@ def _solve(cost: Array, blocks: list[_Block]) -> tuple[Array, str]:
             f"Clarabel did not solve the convex problem (status {status}); check the data for "
             "outliers and the units of torque"
         )
-    return np.array(solution.x), status
+    x = np.array(solution.x)[:-1] * scale
+    pi, phi = x[:size], x[size:].reshape(lib.n_joints, -1)
+    return ConvexOptimum(statistics.value(pi, phi), pi, phi, np.nan, f"Clarabel: {status}")
 
 
 PC_OLS = Method(

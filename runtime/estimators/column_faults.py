@@ -15,7 +15,7 @@ over the joints that move. The same numbers tell what the log hides: a fault who
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,7 +90,7 @@ class ColumnFaults:
 def column_faults(lib: Library, samples: Samples) -> ColumnFaults:
     """Compare all signs, exchanges of two joints, and orders of τ, which may be in any unit."""
     step = max(1, len(samples) // ROWS)
-    table = _Table.of(lib, samples.rows(slice(None, None, step)))
+    table = _Table(lib, samples.rows(slice(None, None, step)), rest_speeds(lib))
     first = table.left()
     named: list[ColumnFault] = []
     rivals: list[tuple[ColumnFault, ...]] = []
@@ -116,24 +116,17 @@ def column_faults(lib: Library, samples: Samples) -> ColumnFaults:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Table:
-    """Columns of the log as they are assumed, (N, n) each."""
+    """Columns of the log as they are assumed."""
 
     lib: Library
-    q: Array
-    dq: Array
-    ddq: Array
-    tau: Array
-    slow: Array
+    samples: Samples
+    slow: Array  # speeds of rest, (n,)
     falls: float = 1.0  # sign of gravity
-
-    @staticmethod
-    def of(lib: Library, s: Samples) -> "_Table":
-        return _Table(lib, s.q, s.dq, s.ddq, s.tau, rest_speeds(lib))
 
     def left(self) -> Array:
         """ρ of every joint, (n,); NaN of joints that rest or have a constant torque."""
         model = self.model()
-        return np.array([self._left(model, j, j) for j in range(self.tau.shape[1])])
+        return np.array([self._left(model, j, j) for j in range(self.samples.equations)])
 
     def explains(self, joints: tuple[int, ...]) -> bool:
         """Whether the model explains the torque of these joints, as far as they move."""
@@ -141,19 +134,21 @@ class _Table:
 
     def model(self) -> Array:
         """Torque of the URDF, (N, n)."""
-        torque = self.lib.inverse_dynamics(self.q, self.dq, self.ddq, self.lib.pi0)
+        lib, s = self.lib, self.samples
+        torque = lib.inverse_dynamics(s.q, s.dq, s.ddq, lib.pi0)
         if self.falls > 0:
             return torque
-        still = np.zeros_like(self.q)
-        return torque - 2.0 * self.lib.inverse_dynamics(self.q, still, still, self.lib.pi0)
+        still = np.zeros_like(s.q)
+        return torque - 2.0 * lib.inverse_dynamics(s.q, still, still, lib.pi0)
 
     def _left(self, model: Array, column: int, joint: int, sign: float = 1.0) -> float:
         """ρ of a column of τ at a joint."""
-        moves = np.abs(self.dq[:, joint]) >= self.slow[joint]
+        s = self.samples
+        moves = np.abs(s.dq[:, joint]) >= self.slow[joint]
         if moves.sum() < max(FEWEST, MOVES * len(moves)):
             return np.nan
-        tau = sign * self.tau[moves, column]
-        dq, ddq = self.dq[moves, joint], self.ddq[moves, joint]
+        tau = sign * s.tau[moves, column]
+        dq, ddq = s.dq[moves, joint], s.ddq[moves, joint]
         smooth = np.tanh(dq / (WIDTH * self.slow[joint]))
         columns = np.column_stack([model[moves, joint], smooth, dq, ddq])
         columns, tau = columns - columns.mean(axis=0), tau - tau.mean()
@@ -166,7 +161,7 @@ class _Table:
 
     def faults(self) -> list[ColumnFault]:
         """All faults with their evidence, in no order."""
-        n = self.tau.shape[1]
+        n = self.samples.equations
         model = self.model()
         here = np.array([self._left(model, j, j) for j in range(n)])
         tested = np.flatnonzero(np.isfinite(here))
@@ -187,7 +182,7 @@ class _Table:
         return named
 
     def _candidates(self, tested: NDArray[np.int64]) -> Iterator[ColumnFault]:
-        n = self.tau.shape[1]
+        n = self.samples.equations
         still = tuple(range(n))
         for j in tested:
             for kind in (TORQUE_SIGN, POSITION_SIGN, BOTH_SIGN):
@@ -210,7 +205,7 @@ class _Table:
 
     def _best_order(self, tested: NDArray[np.int64]) -> tuple[int, ...]:
         """Order of the columns of τ with the least Σ ln ρ."""
-        model, n = self.model(), self.tau.shape[1]
+        model, n = self.model(), self.samples.equations
         cost = np.zeros((n, n))  # (joint, column)
         for j in tested:
             cost[j] = [np.log(self._left(model, k, int(j))) for k in range(n)]
@@ -219,20 +214,19 @@ class _Table:
 
     def without(self, fault: ColumnFault) -> "_Table":
         """The columns with the fault undone."""
-        sign = np.ones(self.tau.shape[1])
+        sign = np.ones(self.samples.equations)
         sign[list(fault.joints)] = -1.0
-        q, dq, ddq, tau, falls = self.q, self.dq, self.ddq, self.tau, self.falls
-        order = list(fault.order)
-        if fault.kind in {TORQUE_SIGN, BOTH_SIGN}:
-            tau = tau * sign
-        if fault.kind in {POSITION_SIGN, BOTH_SIGN}:
-            q, dq, ddq = q * sign, dq * sign, ddq * sign
-        if fault.kind == TORQUE_ORDER:
-            tau = tau[:, order]
-        if fault.kind == POSITION_ORDER:
-            q, dq, ddq = q[:, order], dq[:, order], ddq[:, order]
-        if fault.kind == REVERSED:
-            tau = -tau
+        motion, torque = ("q", "dq", "acceleration"), ("tau",)
         if fault.kind == GRAVITY:
-            falls = -falls
-        return _Table(self.lib, q, dq, ddq, tau, self.slow, falls)
+            return replace(self, falls=-self.falls)
+        names = {POSITION_SIGN: motion, POSITION_ORDER: motion, BOTH_SIGN: (*motion, *torque)}
+        changed = names.get(fault.kind, torque)
+
+        def undone(key: str, values: Array) -> Array:
+            if key not in changed:
+                return values
+            if fault.kind in {TORQUE_ORDER, POSITION_ORDER}:
+                return values[:, list(fault.order)]
+            return -values if fault.kind == REVERSED else values * sign
+
+        return replace(self, samples=self.samples.mapped(undone))

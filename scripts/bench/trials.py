@@ -12,7 +12,7 @@ import runtime
 from runtime import Recording, identify_payload
 from runtime.common.threads import cores
 from runtime.estimators.classical.pc_ols import cone_optimum
-from runtime.estimators.convex.compiled import follow_many, solve_many
+from runtime.estimators.convex.compiled import follow_compiled, solve_many
 from runtime.estimators.convex.entropic_prior import CAD, prior_of
 from runtime.estimators.convex.newton import convex_problem
 from runtime.estimators.regression.factor import compress, reduce
@@ -73,7 +73,8 @@ def map_trials(
         priors.append(prior)
         statistics.append(compressed)
     estimates = solve_many(lib, problems, threads=cores())
-    paths = follow_many(lib, data[:certify], priors[:certify], cores())
+    pairs = zip(data[:certify], priors[:certify], strict=True)
+    paths = [follow_compiled(lib, each, prior) for each, prior in pairs]
     gaps = [
         abs(path.losses[-1] / cone_optimum(lib, s).loss - 1)
         for path, s in zip(paths, statistics, strict=False)

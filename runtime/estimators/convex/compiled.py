@@ -112,31 +112,12 @@ def follow_compiled(
     lib: Library, data: Reduced, prior: Prior, shrink: float = SHRINK, most_steps: int = PATIENCE
 ) -> Path:
     """Follow a path by the compiled Newton method."""
-    return follow_many(lib, [data], [prior], 1, shrink, most_steps)[0]
-
-
-def follow_many(
-    lib: Library,
-    data: Sequence[Reduced],
-    priors: Sequence[Prior],
-    threads: int = 1,
-    shrink: float = SHRINK,
-    most_steps: int = PATIENCE,
-) -> list[Path]:
-    """Follow the paths of many problems of one robot."""
-    pairs = list(zip(data, priors, strict=True))
-    sequences = [gamma_sequence(d, p.centre.size // N_PARAMETERS, shrink) for d, p in pairs]
-    tasks = [
-        _task(ConvexProblem(d, p, np.ones(p.centre.size // N_PARAMETERS)), gammas)
-        for (d, p), gammas in zip(pairs, sequences, strict=True)
-    ]
-    answers = CompiledConvex(lib.binding, tasks, DECREMENT, most_steps).run(threads)
-    paths = []
-    for (_, prior), gammas, a in zip(pairs, sequences, answers, strict=True):
-        ended, steps = float(a.decrements[-1]), int(a.steps.sum())
-        tried = gammas[: len(a.losses)]
-        paths.append(path_of(prior, tried, a.points, a.losses, ended, steps, a.converged))
-    return paths
+    bodies = prior.centre.size // N_PARAMETERS
+    gammas = gamma_sequence(data, bodies, shrink)
+    task = _task(ConvexProblem(data, prior, np.ones(bodies)), gammas)
+    (a,) = CompiledConvex(lib.binding, [task], DECREMENT, most_steps).run()
+    ended, tried = float(a.decrements[-1]), gammas[: len(a.losses)]
+    return path_of(prior, tried, a.points, a.losses, ended, int(a.steps.sum()), a.converged)
 
 
 def _continued(

@@ -15,7 +15,7 @@ from runtime.cli.common import (
     state,
 )
 from runtime.cli.log_options import FitChoices, Log, inputs_of, split_of
-from runtime.cli.shown_progress import ShownProgress
+from runtime.cli.shown_progress import shown_progress
 from runtime.common.settings import (
     FILE,
     argument_field,
@@ -122,7 +122,7 @@ def compare_command(given: CompareSettings) -> None:
     usable = usable_columns(names or tuple(METHODS))
     with counting(state()) as bar:
         opened = open_log(given.log, given.recipe, given.run, lib.joint_names, streams)
-        data = prepared_log(opened, lib, wanted, usable, ShownProgress(bar, "compare", lib.name))
+        data = prepared_log(opened, lib, wanted, usable, shown_progress(bar, "compare", lib.name))
     options: dict[str, Any] = {
         "preparation": data.preparation,
         "split": data.split,

@@ -23,7 +23,7 @@ from runtime.cli.common import (
 from runtime.cli.free_base import identify_free_base_log, require_fixed_base
 from runtime.cli.identify_settings import IdentifySettings
 from runtime.cli.log_options import prior_of, runs_of
-from runtime.cli.shown_progress import ShownProgress
+from runtime.cli.shown_progress import shown_progress
 from runtime.common.settings import FILE
 from runtime.common.tables import Table
 from runtime.common.terminal import VERBOSE, command_line, program, say, say_notes, show
@@ -263,7 +263,7 @@ def identify_command(given: IdentifySettings) -> None:
     with counting(state()) as bar, _naming(inspect):
         preset = PRESETS.get(str(given.preset or "full")) if METHODS[chosen].takes_preset else None
         total = preset.rule.max_iterations if preset else None
-        shown = ShownProgress(bar, chosen, lib.name, total)
+        shown = shown_progress(bar, chosen, lib.name, total)
         opened = (
             _named(runs, lib, given.recipe, given.payload_of or (), bool(given.stream))
             if several

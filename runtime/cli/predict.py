@@ -17,7 +17,7 @@ from runtime.cli.planned_log import (
     require_gain_error,
     situation_of,
 )
-from runtime.cli.shown_progress import ShownProgress
+from runtime.cli.shown_progress import shown_progress
 from runtime.common.files import json_text, require_unused
 from runtime.common.settings import (
     argument_field,
@@ -239,7 +239,7 @@ def _moved(
     wanted = Settings(friction=given.friction, cutoff=given.cutoff, rate=given.rate)
     with counting(state()) as bar:
         log = read_recording(source, given.recipe, given.run, lib.joint_names)
-        data = prepared_log(log, lib, wanted, progress=ShownProgress(bar, "predict", lib.name))
+        data = prepared_log(log, lib, wanted, progress=shown_progress(bar, "predict", lib.name))
     terms = terms or data.friction or _friction(None)
     return motion_samples_of(data.recording, lib, data.preparation, terms)
 

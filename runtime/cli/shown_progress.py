@@ -1,7 +1,6 @@
 """Steps, choices and iterations of an identification at the terminal."""
 
 from rich.progress import Progress as Bar
-from rich.progress import TaskID
 from rich.table import Table
 
 from runtime.common.terminal import VERBOSE, console, say
@@ -10,18 +9,11 @@ from runtime.estimators.choice.regressor_choice import CutoffChoice
 from runtime.identification.settings import Progress
 
 
-class ShownProgress(Progress):
+def shown_progress(bar: Bar, method: str, robot: str, total: int | None = None) -> Progress:
     """One bar: the present step, then the iterations of the method."""
+    task = bar.add_task("reading the log", total=None, state="")
 
-    def __init__(self, bar: Bar, method: str, robot: str, total: int | None = None) -> None:
-        self._bar, self._name, self._total = bar, f"{method} on {robot}", total
-        self._task: TaskID = bar.add_task("reading the log", total=None, state="")
-
-    def step(self, sentence: str) -> None:
-        """Show the step in the bar."""
-        self._bar.update(self._task, description=sentence)
-
-    def choice(self, made: CutoffChoice | FrictionChoice) -> None:
+    def choice(made: CutoffChoice | FrictionChoice) -> None:
         """Print what was chosen above the bar; --verbose prints all cut-offs."""
         if isinstance(made, FrictionChoice):
             console.print(friction_table(made))
@@ -30,12 +22,11 @@ class ShownProgress(Progress):
         else:
             say(f"cut-off: {made.chosen.cutoff_hz:g} Hz, chosen by cross-validation")
 
-    def iteration(self, done: int, best: float) -> None:
-        """Advance the bar."""
-        text = f"best validation loss {best:.6g}"
-        self._bar.update(
-            self._task, description=self._name, total=self._total, completed=done, state=text
-        )
+    def iteration(done: int, best: float) -> None:
+        text, name = f"best validation loss {best:.6g}", f"{method} on {robot}"
+        bar.update(task, description=name, total=total, completed=done, state=text)
+
+    return Progress(lambda sentence: bar.update(task, description=sentence), choice, iteration)
 
 
 def cutoff_table(choice: CutoffChoice) -> Table:

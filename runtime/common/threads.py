@@ -2,8 +2,11 @@
 
 import functools
 import os
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextvars import ContextVar
+from itertools import islice
 from typing import ParamSpec, TypeVar
 
 from threadpoolctl import threadpool_limits
@@ -14,6 +17,7 @@ _INSIDE: ContextVar[bool] = ContextVar("one_blas_thread", default=False)
 """Whether a call of this context has limited the threads already."""
 P = ParamSpec("P")
 R = TypeVar("R")
+T = TypeVar("T")
 
 
 def cores() -> int:
@@ -21,6 +25,21 @@ def cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def computed_ahead(work: Callable[[T], R], items: Iterable[T], most: int) -> Iterator[R]:
+    """`work` of each item in their order, of up to `most` items at a time on threads.
+
+    This thread takes the items, so that a source with one place is read in order.
+    """
+    source, waiting = iter(items), deque[Future[R]]()
+    with ThreadPoolExecutor(min(cores(), most)) as pool:
+        while True:
+            for item in islice(source, most - len(waiting)):
+                waiting.append(pool.submit(work, item))
+            if not waiting:
+                return
+            yield waiting.popleft().result()
 
 
 def one_blas_thread(function: Callable[P, R]) -> Callable[P, R]:

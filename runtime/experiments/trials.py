@@ -14,17 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
-from runtime.estimators.classical.pc_ols import fit_pc_ols
-from runtime.estimators.convex.map_estimate import fit_map
-from runtime.estimators.descent.fit import (
-    PRESETS,
-    Preset,
-    Watch,
-    fit_levenberg,
-    fit_many,
-    fit_of,
-    start_of,
-)
+from runtime.estimators.descent.fit import PRESETS, Preset, Watch, fit_many, fit_of, start_of
+from runtime.estimators.methods import METHODS as ESTIMATORS
 from runtime.estimators.optimizers import Status, adam
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.factor import TorqueObjective
@@ -305,7 +296,7 @@ def setup_along(
 
 def run_cases(setup: MonteCarloSetup, numbers: range, threads: int) -> list[Row]:
     """Fit all cases and methods of some trials; Adam runs all trials of a case in one C call."""
-    solvers = {"map": fit_map, "lm": fit_from_map, "pc-ols": fit_pc_ols}
+    solvers = {"lm": fit_from_map} | {name: ESTIMATORS[name].fit for name in ("map", "pc-ols")}
     rows: list[Row] = []
     for case in setup.config.cases:
         problems = [problem_of(setup, case, number) for number in numbers]
@@ -382,8 +373,8 @@ def _frozen(setup: MonteCarloSetup, problem: Problem) -> TimedFit:
 
 def fit_from_map(problem: Problem) -> Fit:
     """MAP, then Levenberg–Marquardt without the prior, because the data have no noise."""
-    near = problem.lib.lam_from_pi(fit_map(problem).pi)
-    return fit_levenberg(replace(problem, start=near), cholesky=True)
+    near = problem.lib.lam_from_pi(ESTIMATORS["map"].fit(problem).pi)
+    return ESTIMATORS["log-cholesky"].fit(replace(problem, start=near))
 
 
 def _row(

@@ -19,15 +19,13 @@ file.
 
 from bisect import bisect_left
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cache
-from itertools import islice
 from typing import Any
 
 import numpy as np
 
-from runtime.common.threads import cores, one_blas_thread
+from runtime.common.threads import computed_ahead, one_blas_thread
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.descent.fit import Preset
 from runtime.estimators.methods import chosen_method, methods_from_statistics, require_method
@@ -98,25 +96,12 @@ class Blocks:
         """Prepared blocks; the next ones are read and prepared meanwhile, one per core."""
         # This thread alone reads and stores: files and spool have one place, and rows that are
         # read in order are decoded once.
-        new = [index for index in indices if index not in self.kept]
-        if min(cores(), len(new)) < 2:
-            yield from map(self.prepared, indices)
-            return
         _keep_freed_memory()
-        rest = iter(new)
-        with ThreadPoolExecutor(min(cores(), AHEAD)) as pool:
-
-            def submit(index: int) -> Future[Recording | None]:
-                return pool.submit(self._prepare, index, self._read(index))
-
-            started = {i: submit(i) for i in islice(rest, AHEAD)}
-            for index in indices:
-                if index not in started:
-                    yield self.prepared(index)
-                    continue
-                if (later := next(rest, None)) is not None:
-                    started[later] = submit(later)
-                yield self._stored(index, started.pop(index).result())
+        new = [index for index in indices if index not in self.kept]
+        raw = ((index, self._read(index)) for index in new)
+        ready = computed_ahead(lambda each: self._prepare(*each), raw, AHEAD)
+        for index in indices:
+            yield self._stored(index, next(ready)) if index in new else self.prepared(index)
 
     def _read(self, index: int) -> RawRows:
         start, stop = self.edges[index], self.edges[index + 1]

@@ -181,7 +181,7 @@ def assembled(
         weights=thesis_weights(fitted.tau, mass_unit(lib, lib.pi0)),
         start=lib.lam0 if settings.lam0 is None else np.asarray(settings.lam0, dtype=float),
         seed=settings.seed,
-        progress=None if progress is SILENT else progress.iteration,
+        progress=progress.iteration,
         pieces=None
         if pieces is None
         else lambda name: (samples_of(piece, lib) for piece in rows(name)),

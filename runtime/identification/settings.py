@@ -242,48 +242,23 @@ def shares_of(recording: Recording | StreamedRecording, settings: Settings) -> S
     return settings.split or (recipe.split if recipe else None) or Split()
 
 
+def _unseen(_: Any) -> None:
+    """Show nothing."""
+
+
+@dataclass(frozen=True, slots=True)
 class Progress:
-    """Steps, choices and iterations of an identification; this one shows nothing."""
+    """What a caller is shown of an identification while it runs; by default nothing."""
 
-    def step(self, sentence: str) -> None:
-        """Show the present step.
-
-        Args:
-            sentence: the step, such as "choosing a cut-off".
-        """
-
-    def choice(self, made: CutoffChoice | FrictionChoice) -> None:
-        """Show the candidates of a choice.
-
-        Args:
-            made: candidates with their errors, and the chosen one.
-        """
-
-    def iteration(self, done: int, best: float) -> None:
-        """Show an iteration of a method that iterates.
-
-        Args:
-            done: number of iterations.
-            best: best validation loss.
-        """
+    step: Callable[[str], None] = _unseen  # the present step, such as "choosing a cut-off"
+    # the candidates of a choice with their errors, and the chosen one
+    choice: Callable[[CutoffChoice | FrictionChoice], None] = _unseen
+    iteration: Callable[[int, float], None] | None = None  # its number, and best validation loss
 
 
 SILENT = Progress()
 
 
-class Iterations(Progress):
-    """A callable that is shown the iterations alone."""
-
-    def __init__(self, call: Callable[[int, float], None]) -> None:
-        self._call = call
-
-    def iteration(self, done: int, best: float) -> None:
-        """Call it."""
-        self._call(done, best)
-
-
 def progress_of(given: Callable[[int, float], None] | Progress | None) -> Progress:
-    """The progress that a caller gives: a callable, all steps, or None."""
-    if given is None:
-        return SILENT
-    return given if isinstance(given, Progress) else Iterations(given)
+    """The progress that a caller gives: all of it, or a callable for the iterations."""
+    return given if isinstance(given, Progress) else Progress(iteration=given)

@@ -26,8 +26,6 @@ from runtime.estimators.regression.factor import Statistics, reduce
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, pi_from_parts
 
-__all__ = ["fit_pc_ols"]
-
 LENGTH = 0.1
 """Unit of length of the scaled unknowns, m: a link's m, m·c/ℓ and I/ℓ² are then of one size."""
 SLACK = 1e-3

@@ -25,8 +25,6 @@ from runtime.estimators.regression.factor import Statistics, compress, reduce
 from runtime.estimators.regression.samples import Samples, inflation, noise, residuals, weights_from
 from runtime.library import Array, Library
 
-__all__ = ["fit_map"]
-
 PASSES = 3
 """Re-estimations of the weights."""
 ENOUGH = 2000
@@ -44,17 +42,7 @@ def fit_map(
 ) -> Fit:
     """Maximum a posteriori of π, strictly consistent, with the best friction coefficients.
 
-    Args:
-        problem: samples, weights and first guess.
-        kappa: trust κ in the prior, above 0.
-        constraints: further terms of the convex problem.
-        centre: π0 of the prior, (10 n,) [kg, kg·m, kg·m²]; by default the first guess.
-
-    Returns:
-        Fit with π (10 n,) and φ (n, k).
-
-    Raises:
-        IdentificationError: κ is not positive, or the minimum is not reached.
+    kappa is the trust κ in the prior, centre its π0, (10 n,), by default the first guess.
     """
     if not (np.isfinite(kappa) and kappa > 0):
         raise IdentificationError(

@@ -174,7 +174,7 @@ def _adam_outcome(jobs: CompiledAdam, k: int, rule: StoppingRule, interrupted: b
     return Outcome(jobs.best_x(k), float(job.best), int(job.step), status, trace)
 
 
-__all__ = ["PRESETS", "Preset", "Watch", "fit_levenberg", "fit_many", "fit_of", "start_of"]
+__all__ = ["PRESETS", "Preset", "Watch", "fit_many", "fit_of", "start_of"]
 
 PRESETS = {
     "simulation": Preset(AdamOptions(1e-3), StoppingRule(1500, 25), 64),
@@ -213,17 +213,10 @@ def fit_adam(problem: Problem, preset: str | Preset | None = None) -> Fit:
 
 
 def fit_levenberg(problem: Problem, cholesky: bool = False) -> Fit:
-    """Descend by Levenberg–Marquardt from the first guess with its best friction.
+    """Descend by Levenberg–Marquardt, in λ or in log-Cholesky coordinates of the bodies.
 
     Where it stops short of an optimum on the boundary of consistency, and where the library has no
     compiled loop, Newton's method goes on.
-
-    Args:
-        problem: samples, weights and first guess.
-        cholesky: whether bodies have log-Cholesky coordinates in place of λ.
-
-    Returns:
-        Fit with π (10 n,) [kg, kg·m, kg·m²] and φ (n, k).
     """
     descent = start_of(problem, cholesky)
     outcome = levenberg_descend(descent, LevenbergOptions())

@@ -16,9 +16,8 @@ min over φ of ‖R [K π; φ] − r‖² is ‖A π − b‖² + const: with Q�
 are what Q₂ᵀ leaves of R K and r (a Schur complement without normal equations). φ follows from π.
 """
 
-from collections import deque
 from collections.abc import Callable, Iterable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import chain, islice
 
@@ -26,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr, solve_triangular
 
-from runtime.common.threads import cores
+from runtime.common.threads import computed_ahead, cores
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.posterior import ROUNDING, least_squares
 from runtime.estimators.regression.samples import THESIS_SIGMA, Samples
@@ -326,17 +325,11 @@ def compress_all(lib: Library, pieces: Iterable[Samples], weights: Array) -> Sta
     if len(first) == 1:  # a short log; threads take longer to start than it takes
         return compress(lib, first[0], weights)
     factors: list[Statistics] = []
-    with ThreadPoolExecutor(cores()) as pool:
-        # Pieces are taken by this thread, a bounded number ahead, and compressed on the others.
-        source, waiting = chain(first, source), deque[Future[Statistics]]()
-        while True:
-            for piece in islice(source, 2 * cores() - len(waiting)):
-                waiting.append(pool.submit(compress, lib, piece, weights))
-            if not waiting:
-                break
-            factors.append(waiting.popleft().result())
-            if len(factors) == TOGETHER:
-                factors = [factors[0].merged(*factors[1:])]
+    every = chain(first, source)
+    for each in computed_ahead(lambda piece: compress(lib, piece, weights), every, 2 * cores()):
+        factors.append(each)
+        if len(factors) == TOGETHER:
+            factors = [factors[0].merged(*factors[1:])]
     if not factors:
         raise IdentificationError("there are no samples to compress; use another --split")
     return factors[0].merged(*factors[1:]) if len(factors) > 1 else factors[0]

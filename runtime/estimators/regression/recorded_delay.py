@@ -71,7 +71,7 @@ friction may not slide; share of the rows that must remain, else all are used.""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DelayProfile:
-    """Loss over the delay."""
+    """Loss over δ = `Preparation.torque_delay_s` of a recording."""
 
     delays: Array  # δ that were tried, (M,) [s], ascending
     loss: Array  # L(δ) − min L, (M,); 1.92 at the ends of the interval
@@ -80,6 +80,20 @@ class DelayProfile:
     # share of the squared residual at the delay of the preparation, else at none, that δ̂ removes:
     # geometric mean of the joints
     gain: float
+    # of the delay d in δ = sign · d: −1 for a commanded torque, which acts later than it is
+    # stamped, 1 for a measured one, which is stamped later than it acts
+    sign: float = 1.0
+
+    @property
+    def delay_s(self) -> float:
+        """d̂ [s]."""
+        return self.sign * self.best
+
+    @property
+    def interval_s(self) -> tuple[float, float]:
+        """95 % interval of d [s]."""
+        first, last = sorted(self.sign * end for end in self.interval)
+        return first, last
 
     @property
     def is_flat(self) -> bool:
@@ -92,27 +106,6 @@ class DelayProfile:
     def sigma(self) -> float:
         """Standard deviation whose 95 % interval is as wide as that of δ [s]."""
         return (self.interval[1] - self.interval[0]) / (2 * NORMAL_95)
-
-
-@dataclass(frozen=True, slots=True)
-class RecordedDelay:
-    """Delay of a recording."""
-
-    profile: DelayProfile  # loss over δ = `Preparation.torque_delay_s`
-    # of the delay d in δ = sign · d: −1 for a commanded torque, which acts later than it is
-    # stamped, 1 for a measured one, which is stamped later than it acts
-    sign: float
-
-    @property
-    def delay_s(self) -> float:
-        """d̂ [s]."""
-        return self.sign * self.profile.best
-
-    @property
-    def interval_s(self) -> tuple[float, float]:
-        """95 % interval of d [s]."""
-        first, last = sorted(self.sign * end for end in self.profile.interval)
-        return first, last
 
 
 def sign_of_delay(recording: Recording) -> float:
@@ -135,7 +128,7 @@ def recorded_delay(
     reach_s: float = LATEST_S,
     *,
     has_gains: bool = True,
-) -> RecordedDelay:
+) -> DelayProfile:
     """Profile of the loss over the delay of a recording.
 
     reach_s: largest delay of a measured torque on both sides [s].
@@ -187,7 +180,7 @@ def recorded_delay(
         first, last = max(first, coarse.best - 2 * width), min(last, coarse.best + 2 * width)
     steps = range(round(first / STEP_S), round(last / STEP_S) + 1)
     delays = np.array([STEP_S * k for k in steps])
-    return RecordedDelay(fit_of(1).profile(delays), sign_of_delay(recording))
+    return replace(fit_of(1).profile(delays), sign=sign_of_delay(recording))
 
 
 def stated_delay(preparation: Preparation) -> float:

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.estimators.classical.pc_ols import fit_pc_ols
-from runtime.estimators.convex.map_estimate import fit_map
 from runtime.estimators.descent.fit import PRESETS, Preset
+from runtime.estimators.methods import METHODS
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.experiments.studies.logs import EMPTY, LOADED, PREPARATION, log_of
@@ -122,8 +121,9 @@ def _run(setup: BenchSetup, numbers: range, threads: int) -> list[Row]:
             descents = _descents(setup, case, same, threads)
             for number, problem, (fit, seconds) in zip(numbers, same, descents, strict=True):
                 rows.append(_row(case, f"adam{suffix}", number, part, problem, fit, seconds))
-        convex = {"pc-ols": (fit_pc_ols, "map"), "pc-ols-friction": (fit_pc_ols, "map-friction")}
-        convex |= {method: (fit_map, method) for method in _terms(config)}
+        pc_ols = METHODS["pc-ols"].fit
+        convex = {"pc-ols": (pc_ols, "map"), "pc-ols-friction": (pc_ols, "map-friction")}
+        convex |= {method: (METHODS["map"].fit, method) for method in _terms(config)}
         for number in numbers:
             for method, (solve, terms) in convex.items():
                 part = setup.parts[case, terms]

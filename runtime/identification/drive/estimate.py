@@ -204,7 +204,7 @@ def _with_delay(problem: DriveProblem, terms: Friction) -> tuple[Array, str]:
     seen = before_test(problem.recording, problem.settings.split)
     first = recorded_delay(seen, problem.lib, problem.preparation, terms)
     x = np.zeros(len(problem.most_step))
-    if first.profile.is_flat:
+    if first.is_flat:
         low, high = (1e3 * end for end in first.interval_s)
         return x, f"the loss is flat from {low:.0f} to {high:.0f} ms, or least at an end"
     count = len(problem.split(x)[0])

@@ -13,7 +13,7 @@ import numpy as np
 
 from runtime.estimators.regression.posterior import least_squares
 from runtime.estimators.regression.recorded_delay import (
-    RecordedDelay,
+    DelayProfile,
     filtered,
     recorded_delay,
     stated_delay,
@@ -113,16 +113,16 @@ def friction_of(recording: Recording, lib: Library, plan: Recipe) -> Friction:
     return with_dry_friction(recording, lib, plan.preparation, Friction(DRIVE), late=True)[0]
 
 
-def _delay(seen: RecordedDelay, of: str, remedy: str) -> tuple[Finding, str]:
+def _delay(seen: DelayProfile, of: str, remedy: str) -> tuple[Finding, str]:
     """The delay as information, or that it is not determined; and its interval in words."""
-    profile, (low, high) = seen.profile, seen.interval_s
-    sizes = {"delay_s": seen.delay_s, "sigma_s": profile.sigma, "gain": profile.gain}
+    low, high = seen.interval_s
+    sizes = {"delay_s": seen.delay_s, "sigma_s": seen.sigma, "gain": seen.gain}
     evidence: dict[str, Any] = {
-        **({"delay_s": None} if profile.is_flat else sizes),
+        **({"delay_s": None} if seen.is_flat else sizes),
         "interval_s": [low, high],
         "profile": {
-            "delay_s": [float(seen.sign * x) for x in profile.delays],
-            "loss": [float(x) for x in profile.loss],
+            "delay_s": [float(seen.sign * x) for x in seen.delays],
+            "loss": [float(x) for x in seen.loss],
         },
     }
     sentence = (
@@ -140,9 +140,9 @@ def delay_of_measured(
     """Delay of τ behind q: a warning where it is to be corrected, and the estimate in any case."""
     reach, step = min(LONGEST_S, SHARE * recording.duration), 1.0 / recording.rate_hz
     seen = recorded_delay(recording, lib, plan.preparation, terms, reach, has_gains=has_gains)
-    late, sigma, gain = seen.delay_s, seen.profile.sigma, seen.profile.gain
+    late, sigma, gain = seen.delay_s, seen.sigma, seen.gain
     finding, within = _delay(seen, "measured", " to estimate it")
-    if seen.profile.is_flat:
+    if seen.is_flat:
         return [finding]
     sentence = (
         f"the measured torque is stamped {1e3 * late:.1f} ms after the motion ({within}); friction "
@@ -171,9 +171,9 @@ def delay(
     Measured: profile of the loss over the delay, with the links of the URDF and free drives.
     """
     seen = recorded_delay(recording, lib, plan.preparation, terms)
-    profile, value = seen.profile, seen.delay_s
+    value = seen.delay_s
     finding, within = _delay(seen, "commanded", ", or take the delay from the driver")
-    if profile.is_flat:
+    if seen.is_flat:
         return plan, [finding]
     written = plan.preparation.torque_delay_s
     sentence = (
@@ -183,11 +183,11 @@ def delay(
     if written is not None:
         sentence += f"; the recipe has torque_delay_s = {written} under [preparation]"
         return plan, [replace(finding, sentence=sentence)]
-    if abs(value) < LATE * profile.sigma:
+    if abs(value) < LATE * seen.sigma:
         return plan, [replace(finding, sentence=sentence)]
     late = float(f"{seen.sign * value:.3g}")
     sentence += (
-        f": shifting it removes {100 * profile.gain:.0f} % of the squared residual; estimate it "
+        f": shifting it removes {100 * seen.gain:.0f} % of the squared residual; estimate it "
         f"with identify --delay auto, or set torque_delay_s = {late:g} under [preparation]"
     )
     shifted = replace(plan.preparation, torque_delay_s=late)

@@ -10,7 +10,7 @@ import pytest
 from runtime.estimators.choice.regressor_choice import CutoffCandidate, CutoffChoice
 from runtime.estimators.contradictions import sentence_of
 from runtime.estimators.regression.causes import Cause, Causes
-from runtime.estimators.regression.recorded_delay import DelayProfile, RecordedDelay
+from runtime.estimators.regression.recorded_delay import DelayProfile
 from runtime.inspection import torque_checks as proposal
 from runtime.inspection.checks import drives, model_fit, torque_rows
 from runtime.inspection.checks.clock import _gaps, lost_rows
@@ -186,9 +186,9 @@ def test_delay_of_a_parabola(monkeypatch, seconds, searched) -> None:
     delays, reaches = np.linspace(0.0, 0.2, 101), []
     profile = DelayProfile(delays, ((delays - 0.1) / 0.0025) ** 2 / 2, 0.1, (0.0951, 0.1049), 0.8)
 
-    def given(*arguments: object, has_gains: bool) -> RecordedDelay:
+    def given(*arguments: object, has_gains: bool) -> DelayProfile:
         reaches.append(arguments[4])
-        return RecordedDelay(profile, 1.0)
+        return profile
 
     monkeypatch.setattr(drives, "recorded_delay", given)
     log = sine(1.0, rate=100.0, seconds=seconds + 0.01)

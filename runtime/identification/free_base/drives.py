@@ -37,6 +37,7 @@ from runtime.identification.free_base.rows import (
     Drives,
     FreeBaseRows,
     contact_jacobian,
+    is_opposite,
     reading_errors,
     rows_of,
 )
@@ -165,8 +166,6 @@ MOST_STEP_S, EARLIEST_S, LATEST_S = 0.02, -0.03, 0.1
 """Largest step of a pass, and range of the delay [s]."""
 FIRST = 0.05
 """σ at the start: share of the torque of a joint, of the weight, and of the weight times 0.1 m."""
-_OPPOSITE = 3.0
-"""Residual of the URDF over that with the opposite torques from which signs count as wrong."""
 
 
 def drives_of(
@@ -191,7 +190,12 @@ def drives_of(
         if before is None:
             before = _first_noise(lib, few)
             drives = replace(drives, covariance=before)
-            _require_sign(lib, rows_of(lib, few, choice, drives), recording.name)
+            samples = rows_of(lib, few, choice, drives).samples
+            if is_opposite(samples.rigid(lib, lib.pi0), samples.tau):
+                raise IdentificationError(
+                    f"{recording.name}: the commanded torques are opposite to those that move the "
+                    "URDF, expected those that the drives apply to the joints; change their sign"
+                )
         rows = rows_of(lib, few, choice, drives)
         samples = rows.samples
         names = drives.names(lib.joint_names)
@@ -259,13 +263,3 @@ def _noise(rows: FreeBaseRows, error: Array, covariance: Array, choice: str) -> 
     covariance = covariance.copy()
     covariance[used, used] = rows.root @ part @ rows.root.T
     return covariance
-
-
-def _require_sign(lib: Library, rows: FreeBaseRows, name: str) -> None:
-    """Refuse commands of the opposite sign."""
-    predicted, given = rows.samples.rigid(lib, lib.pi0), rows.samples.tau
-    if np.linalg.norm(predicted - given) > _OPPOSITE * np.linalg.norm(predicted + given):
-        raise IdentificationError(
-            f"{name}: the commanded torques are opposite to those that move the URDF, expected "
-            "those that the drives apply to the joints; change their sign"
-        )

@@ -15,7 +15,7 @@ from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of, s
 from runtime.estimators.friction_bounds import OF
 from runtime.estimators.methods import fit_by
 from runtime.estimators.prior_file import PriorFile
-from runtime.estimators.problem import Fit, Problem
+from runtime.estimators.problem import Fit, FrictionPrior, Problem
 from runtime.estimators.regression.factor import reduce
 from runtime.estimators.uncertainty import LogInformation, nuisance_of_slopes, vague_posterior
 from runtime.identification.free_base.drives import (
@@ -48,9 +48,8 @@ from runtime.identification.free_base.rows import (
     OFFSET_SIGMA,
     Drives,
     FreeBaseRows,
-    error_names,
     rows_of,
-    sensor_prior,
+    sensor_errors,
     with_contact_states,
 )
 from runtime.identification.posterior_file import SavedPosterior
@@ -110,8 +109,13 @@ def identify_free_base(
     require_clock(recording)
     data = _prepared(recording, lib, rows, cutoff_hz, (share, trim_s), friction, delay_s, prior)
     motion, drives, trained, tested = data.motion, data.drives, data.trained, data.tested
-    sensed = sensor_prior(motion.contacts, trained.samples.shape)
-    sensor_names = error_names(motion.contacts)
+    known = sensor_errors(motion.contacts)
+    sensor_names, spread = [name for name, _ in known], [sigma for _, sigma in known]
+    sensed = None
+    if known:
+        sigma = np.full(trained.samples.shape, np.inf)
+        sigma[0, : len(known)] = spread
+        sensed = FrictionPrior(np.zeros_like(sigma), sigma)
     columns = tuple(f"error{OF}{name}" for name in sensor_names)
     fitted, offsets, noise = trained.samples, trained.offsets, None
     if drives is None:
@@ -135,7 +139,6 @@ def identify_free_base(
     before, after = (rms(shown(each - measured)) for each in (by_urdf, by_result))
     size, n_train = len(sensor_names), len(data.train)
     sensors = dict(zip(sensor_names, fit.phi[0, :size].tolist(), strict=True))
-    spread = None if sensed is None else sensed.sigma[0, :size]
     eigenvalues = lib.relative_eigenvalues(fit.pi)
     is_consistent, units = bool(eigenvalues.min() > 0), file_units(lib.manifest)
     of_rows = dict(zip(lib.row_names, [*["N"] * 3, *["N*m"] * 3, *units], strict=True))

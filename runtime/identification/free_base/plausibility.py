@@ -5,13 +5,19 @@
 The base needs no joint torque, so its six equations show in which convention a wrench fits.
 """
 
+from collections.abc import Sequence
 from itertools import combinations, permutations
 
 import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.estimators.prior_file import PriorFile
-from runtime.identification.free_base.rows import VERTICAL, FreeBaseRows, contact_jacobian
+from runtime.identification.free_base.rows import (
+    VERTICAL,
+    FreeBaseRows,
+    contact_jacobian,
+    is_opposite,
+)
 from runtime.library import Array, Library
 from runtime.library.free_base import FREEDOM
 from runtime.library.parameters import links, mass
@@ -27,8 +33,6 @@ from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion
 from runtime.recording.recording import Recording
 
-_OPPOSITE = 3.0
-"""Residual of the URDF over that with the opposite sign from which signs count as wrong."""
 _FASTEST = 300.0
 """RMS acceleration of the base, m/s², from which its unit or its noise is wrong: 30 times g."""
 _SLOPE = 0.15
@@ -124,11 +128,7 @@ def require_forces_on_robot(lib: Library, rows: FreeBaseRows, name: str) -> None
     if not (alone or complete):
         return
     kept = slice(None) if alone else slice(FREEDOM)
-    predicted = rows.samples.rigid(lib, lib.pi0)[:, kept]
-    measured = rows.samples.tau[:, kept]
-    if float(np.linalg.norm(predicted - measured)) > _OPPOSITE * float(
-        np.linalg.norm(predicted + measured)
-    ):
+    if is_opposite(rows.samples.rigid(lib, lib.pi0)[:, kept], rows.samples.tau[:, kept]):
         raise IdentificationError(
             f"{name}: the contact wrenches are opposite to those that hold the URDF, expected "
             "forces on the robot; change their sign, or give quaternions of base_pose as x y z w"
@@ -139,7 +139,7 @@ def notes_on_errors(
     rms: Array,
     after: Array,
     sensors: dict[str, float],
-    sigma: Array | None,
+    sigma: Sequence[float],
     joints_are_named: bool = True,
 ) -> tuple[str, ...]:
     """Notes on rows that the result does not explain, and on sensors far from what was stated."""
@@ -158,7 +158,7 @@ def notes_on_errors(
             "and wrenches do not fit this robot and motion; check names and order of joints"
             f"{unnamed} and contacts, contact_position, contact_kind, contact_axes and units"
         )
-    for (name, value), spread in zip(sensors.items(), () if sigma is None else sigma, strict=True):
+    for (name, value), spread in zip(sensors.items(), sigma, strict=True):
         if abs(value) > _FAR * spread:
             notes.append(
                 f"sensors: the error of {name} is {abs(value) / spread:.1f} times its stated "
@@ -206,7 +206,7 @@ def require_torque_sign(lib: Library, motion: FreeBaseMotion, name: str) -> None
     needed = lib.inverse_dynamics(motion.q, motion.dq, motion.ddq, lib.pi0)[:, FREEDOM:]
     jacobian = contact_jacobian(lib, motion)[..., FREEDOM:]
     needed = needed - np.einsum("nck,nc->nk", jacobian, wrench.reshape(len(motion), -1))
-    if np.linalg.norm(needed - motion.tau) > _CLOSER * np.linalg.norm(needed + motion.tau):
+    if is_opposite(needed, motion.tau):
         raise IdentificationError(
             f"{name}: tau is opposite to the torques that move the URDF, expected those that the "
             "drives apply to the joints; change its sign"

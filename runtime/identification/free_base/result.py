@@ -15,7 +15,12 @@ from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.estimators.uncertainty import IDENTIFIED, PRIOR_DOMINATED
 from runtime.identification.free_base.drives import rms
-from runtime.identification.free_base.rows import Drives, error_names, rows_of, with_contact_states
+from runtime.identification.free_base.rows import (
+    Drives,
+    rows_of,
+    sensor_errors,
+    with_contact_states,
+)
 from runtime.identification.posterior_file import SavedPosterior
 from runtime.identification.result_file import require_size, write_files
 from runtime.identification.result_record import (
@@ -150,7 +155,7 @@ def free_base_errors(
     motion = motion.rows(np.flatnonzero(inside))
     rows = rows_of(lib, motion, record.rows or "all", drives)
     known = record.sensors or {}
-    sensors = [known[n].value if n in known else 0.0 for n in error_names(motion.contacts)]
+    sensors = [known[n].value if n in known else 0.0 for n, _ in sensor_errors(motion.contacts)]
     phi = np.concatenate([np.array(sensors, dtype=float), saved.phi.ravel() if drives else []])
     measured = rows.samples.tau
     before = rows.samples.rigid(lib, lib.pi0)

@@ -39,7 +39,6 @@ from scipy.spatial.transform import Rotation
 
 from runtime.errors import IdentificationError
 from runtime.estimators.friction_bounds import OF
-from runtime.estimators.problem import FrictionPrior
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 from runtime.library.free_base import FREEDOM
@@ -66,6 +65,8 @@ CHOSEN = {"all": slice(None), "base": slice(0, FREEDOM), "joints": slice(FREEDOM
 """Choice of rows → which."""
 RANK = 1e-6
 """Singular value of the Jacobian of unknown wrenches, relative to the largest, that counts."""
+OPPOSITE = 3.0
+"""Residual of the URDF over that with the opposite sign from which signs count as wrong."""
 _BLOCK = 512
 
 
@@ -86,30 +87,22 @@ def reading_errors(lib: Library, motion: FreeBaseMotion) -> Array:
     return np.concatenate(parts, axis=2)
 
 
-def error_names(contacts: Contacts) -> tuple[str, ...]:
-    """Names of the K coefficients of `reading_errors`: links of the offsets, "sharing", axes."""
-    offsets = () if contacts.offset_sigma is None else contacts.links
-    sharing = () if contacts.sharing_sigma is None else ("sharing",)
-    sigma = () if contacts.crosstalk_sigma is None else contacts.crosstalk_sigma
-    crosstalk = [name for name, size in zip(CROSSTALK, sigma, strict=False) if size > 0]
-    return (*offsets, *sharing, *crosstalk)
+def sensor_errors(contacts: Contacts) -> list[tuple[str, float]]:
+    """Name and σ of the K coefficients of `reading_errors`, the first of φ.
 
-
-def sensor_prior(contacts: Contacts, shape: tuple[int, int]) -> FrictionPrior | None:
-    """Gaussian prior of the coefficients of `reading_errors`, which are first in φ."""
-    known: list[float] = []
+    Names are links of offsets, "sharing", and axes of crosstalk.
+    """
+    known: list[tuple[str, float]] = []
     if contacts.offset_sigma is not None:
         # A sensor that is stated to have no offset keeps one of rounding.
-        known += np.maximum(contacts.offset_sigma, SMALLEST_OFFSET).tolist()
+        sigma = np.maximum(contacts.offset_sigma, SMALLEST_OFFSET).tolist()
+        known += zip(contacts.links, sigma, strict=True)
     if contacts.sharing_sigma is not None:
-        known.append(max(contacts.sharing_sigma, SMALLEST_SHARING))
+        known.append(("sharing", max(contacts.sharing_sigma, SMALLEST_SHARING)))
     if contacts.crosstalk_sigma is not None:
-        known += contacts.crosstalk_sigma[contacts.crosstalk_sigma > 0].tolist()
-    if not known:
-        return None
-    sigma = np.full(shape, np.inf)
-    sigma[0, : len(known)] = known
-    return FrictionPrior(np.zeros(shape), sigma)
+        pairs = zip(CROSSTALK, contacts.crosstalk_sigma.tolist(), strict=True)
+        known += [pair for pair in pairs if pair[1] > 0]
+    return known
 
 
 def _shares(force: Array, unloaded: float) -> Array:
@@ -275,6 +268,11 @@ def contact_poses(lib: Library, q: Array, contacts: Contacts) -> list[Array]:
             )
     poses = lib.link_poses(q)
     return [poses[:, lib.link_names.index(link)] for link in contacts.links]
+
+
+def is_opposite(needed: Array, given: Array) -> bool:
+    """Whether given forces or torques have the opposite sign of those that the URDF needs."""
+    return bool(np.linalg.norm(needed - given) > OPPOSITE * np.linalg.norm(needed + given))
 
 
 def contact_jacobian(lib: Library, motion: FreeBaseMotion) -> Array:

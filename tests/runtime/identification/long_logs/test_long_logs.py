@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from runtime import Recording
+from runtime.common import threads
 from runtime.errors import RecordingError
 from runtime.estimators.regression.factor import Statistics, compress, compress_all
 from runtime.estimators.regression.samples import samples_of
@@ -132,7 +133,7 @@ def test_blocks_of_two_threads_are_those_of_one(lib, log, tmp_path, monkeypatch)
 
     monkeypatch.setattr(tables.Spool, "read", slow)
     for count in (1, 8):
-        monkeypatch.setattr(blocks, "cores", lambda count=count: count)
+        monkeypatch.setattr(threads, "cores", lambda count=count: count)
         facts = blocks_of(open_streamed(tmp_path / "x.csv"), lib, PREPARATION, FRICTION)
         assert len(facts) > 8
         first, again = (list(facts.parts(-np.inf, np.inf)) for _ in range(2))

@@ -157,48 +157,38 @@ class MassAudit:
 
     # b, a lower bound at every q [kg·m², kg]; None where there is no proof
     proven_bound: float | None
-    least: float  # smallest eigenvalue that the search found, an upper bound of the minimum
+    # smallest eigenvalue that the search found, an upper bound of the minimum
+    least_eigenvalue: float
     at: tuple[float, ...]  # (n,) position of it [rad, m]
     samples: int  # number of uniform positions N
     # bound of the share of the box with an eigenvalue of at most 0, with 95 % confidence; 0 with a
     # proof, None where the search found such a position
-    violated_share: float | None
+    violated_share_95: float | None
 
     @property
     def is_positive_definite(self) -> bool:
         """Whether no position with an eigenvalue of at most 0 is known."""
-        return self.least > 0
+        return self.least_eigenvalue > 0
 
     def sentence(self) -> str:
         """Result of the audit in one sentence."""
-        place = ", ".join(f"{x:.2f}" for x in self.at)
+        place, least = ", ".join(f"{x:.2f}" for x in self.at), f"{self.least_eigenvalue:.1e}"
         if self.proven_bound is not None:
             return (
                 f"M(q) is positive definite at every q: proven eigenvalues from "
-                f"{self.proven_bound:.1e} on, {self.least:.1e} is the smallest one seen"
+                f"{self.proven_bound:.1e} on, {least} is the smallest one seen"
             )
-        if self.violated_share is None:
+        if self.violated_share_95 is None:
             return (
-                f"M(q) is not positive definite: an eigenvalue is {self.least:.1e} at q = {place}; "
+                f"M(q) is not positive definite: an eigenvalue is {least} at q = {place}; "
                 "a controller that inverts M needs a physically consistent result (map, pc-ols)"
             )
         return (
-            f"M(q) is positive definite at {self.samples} positions ({self.least:.1e} is the "
+            f"M(q) is positive definite at {self.samples} positions ({least} is the "
             f"smallest eigenvalue), so that with 95 % confidence less than "
-            f"{100 * self.violated_share:.2f} % of the joint box violate it; not proven, since "
+            f"{100 * self.violated_share_95:.2f} % of the joint box violate it; not proven, since "
             "some links are not physically consistent"
         )
-
-    def to_facts(self) -> dict[str, object]:
-        """JSON-ready content."""
-        return {
-            "is_positive_definite": self.is_positive_definite,
-            "proven_bound": self.proven_bound,
-            "least_eigenvalue": self.least,
-            "at": list(self.at),
-            "samples": self.samples,
-            "violated_share_95": self.violated_share,
-        }
 
 
 def audit_mass(
@@ -295,7 +285,9 @@ class Evaluation:
 
     def to_facts(self) -> dict[str, Any]:
         """Table of the JSON that `evaluate --json` prints."""
-        return msgspec.to_builtins(self) | {"mass_matrix": self.mass_matrix.to_facts()}
+        facts = msgspec.to_builtins(self)
+        facts["mass_matrix"]["is_positive_definite"] = self.mass_matrix.is_positive_definite
+        return facts
 
 
 def evaluate(

@@ -39,7 +39,7 @@ from runtime.estimators.regression.posterior import posterior_of
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.estimators.uncertainty import LogInformation, without_gains
 from runtime.identification.identified import Identification
-from runtime.identification.result_record import FrictionPart
+from runtime.identification.result_record import FrictionPart, plain
 from runtime.identification.saved_result import SavedResult
 from runtime.identification.statistics_file import Positive, StoredStatistics
 from runtime.library import Array, Library
@@ -227,18 +227,10 @@ def friction_intervals(result: Identification) -> tuple[Any, Any]:
     sigma = friction_sigma(result)
     if sigma is None:
         return None, None
-    ends = [result.usual_phi + side * NORMAL_95 * sigma for side in (-1, 1)]
-    is_known = np.isfinite(sigma).tolist()
-    return (
-        tuple(
-            tuple(value if known else None for value, known in zip(*row, strict=True))
-            for row in zip(sigma.tolist(), is_known, strict=True)
-        ),
-        tuple(
-            tuple((low, high) if known else None for low, high, known in zip(*row, strict=True))
-            for row in zip(ends[0].tolist(), ends[1].tolist(), is_known, strict=True)
-        ),
-    )
+    half = NORMAL_95 * sigma
+    ends = plain(np.stack([result.usual_phi - half, result.usual_phi + half], axis=2))
+    known = tuple(tuple(None if None in pair else pair for pair in row) for row in ends)
+    return plain(sigma), known
 
 
 def spring_lines(friction: FrictionPart | None) -> list[str]:

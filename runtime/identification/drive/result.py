@@ -96,21 +96,20 @@ class DriveFit:
         self, joints: tuple[str, ...], phi: Array, spread: Array | None, columns: tuple[str, ...]
     ) -> tuple[DrivePart, ...]:
         """`drive` of result.json; φ and its standard deviations, (n, k)."""
-        spread = np.full(phi.shape, np.nan) if spread is None else spread
-        place, verdicts = places_of(columns), self.verdicts()
-        drives = []
-        for j, joint in enumerate(joints):
-            sigma = {key: plain(spread[j, place[key]]) if key in place else None for key in COLUMNS}
-            values = {
-                key: None if sigma[key] is None else plain(phi[j, place[key]]) for key in COLUMNS
-            }
-            drives.append(
-                DrivePart(
-                    joint=joint,
-                    **values,
-                    encoder_bias=plain(self.bias[j]),
-                    sigma=DriveValues(**sigma, encoder_bias=plain(self.bias_sigma[j])),
-                    encoder_bias_verdict=verdicts[j],
-                )
-            )
-        return tuple(drives)
+        place, gaps = places_of(columns), np.full(len(joints), np.nan)
+        sigma = {
+            key: gaps if spread is None or key not in place else spread[:, place[key]]
+            for key in COLUMNS
+        }
+        # A value without σ is not determined.
+        values = {
+            key: np.where(np.isfinite(known), phi[:, place[key]], np.nan) if key in place else gaps
+            for key, known in sigma.items()
+        }
+        return DrivePart.from_columns(
+            joint=joints,
+            **values,
+            encoder_bias=self.bias,
+            sigma=DriveValues.from_columns(**sigma, encoder_bias=self.bias_sigma),
+            encoder_bias_verdict=self.verdicts(),
+        )

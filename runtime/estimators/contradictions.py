@@ -411,24 +411,20 @@ def _of_urdf(test: PriorTest, is_of_type: bool) -> str:
             f"{source} is off by {missed}: the data contradict its inertias ({size}), while the "
             f"joints agree with each other{FOLLOWS}"
         )
+    wrong = (
+        "this unit differs from its fleet, or carries a load that the others did not; leave out "
+        "--prior, or add its statistics to the fleet"
+        if is_of_type
+        else "the URDF is wrong rather than the log, or the arm carries a load that it does not "
+        "contain"
+    )
     before, after, sigma = test.masses[0]
     if _is_certain(before, after, sigma):
         missed = f"{missed}, {after - before:+.2g} kg at {test.links[0]}"
     return (
         f"{source} is off by {missed}: the data contradict the inertia of "
         f"{_bodies(test, is_of_type)}, or of what it carries ({size}), while the joints agree with "
-        f"each other: {_wrong(is_of_type)}{FOLLOWS}"
-    )
-
-
-def _wrong(is_of_type: bool) -> str:
-    if is_of_type:
-        return (
-            "this unit differs from its fleet, or carries a load that the others did not; leave "
-            "out --prior, or add its statistics to the fleet"
-        )
-    return (
-        "the URDF is wrong rather than the log, or the arm carries a load that it does not contain"
+        f"each other: {wrong}{FOLLOWS}"
     )
 
 

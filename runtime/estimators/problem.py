@@ -194,21 +194,15 @@ def in_unit(problem: Problem, unit: float) -> Problem:
     def scaled(samples: Samples) -> Samples:
         return replace(samples, tau=samples.tau / unit)
 
+    # λ of π/s: ln m − ln s, and semi-axes over √s; c and ω stay.
+    bodies = [
+        lam_from_parts(log_mass - np.log(unit), centre, omega, axes / np.sqrt(unit))
+        for log_mass, centre, omega, axes in map(lam_parts, links(problem.start))
+    ]
     return replace(
         problem,
         train=scaled(problem.train),
         validation=scaled(problem.validation),
-        start=_lam_in_unit(problem.start, unit),
+        start=np.concatenate(bodies),
         pieces=None if pieces is None else lambda part: map(scaled, problem.samples(part)),
-    )
-
-
-def _lam_in_unit(lam: Array, unit: float) -> Array:
-    """λ of π/s, (10 n,): ln m − ln s, and semi-axes over √s; c and ω stay."""
-    bodies = (lam_parts(body) for body in links(lam))
-    return np.concatenate(
-        [
-            lam_from_parts(log_mass - np.log(unit), centre, omega, axes / np.sqrt(unit))
-            for log_mass, centre, omega, axes in bodies
-        ]
     )

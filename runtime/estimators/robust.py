@@ -13,7 +13,7 @@ Source: Huber 1964; weights of the regressor: Mallows 1975; concentration steps:
 Driessen 2006; all of them on blocks: ours.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -113,16 +113,25 @@ def weights_of_rows(lib: Library, rows: Samples) -> RowWeights:
     leverage = np.minimum(1.0, (H / _sizes(rows.base_rows(lib), block)) ** 2)
 
     def fitted(weights: Array, spread: Array) -> tuple[Array, Array]:
-        """Spread of the residuals (n,), and residuals of the blocks over it (blocks, n)."""
+        """σ_j of the residuals (n,), and their RMS in every block over it, (blocks, n)."""
         part = rows.rows(few).weighted(weights[block[few]])
-        return _spread_of(_residual(lib, rows, part, 1.0 / spread**2), block)
+        rest = _residual(lib, rows, part, 1.0 / spread**2)
+        sigma = NORMAL * np.median(np.abs(rest), axis=0)
+        spread = np.maximum(sigma, 1e-9 * max(float(sigma.max()), 1e-300))
+        return spread, np.sqrt(_block_mean((rest / spread) ** 2, block))
 
     # Trimmed least squares from fits to all blocks, and to all but a contiguous part of them.
     equal = np.ones(rows.equations)
     starts = [leverage]
     for left_out in np.array_split(np.arange(len(leverage)), STARTS):
         starts.append(np.where(np.isin(np.arange(len(leverage)), left_out), ABSENT, leverage))
-    states = [_concentrated(fitted(start, equal), leverage, fitted) for start in starts]
+    states = []
+    for start in starts:
+        spread, power = fitted(start, equal)
+        for _ in range(STEPS):  # on the blocks with the smallest residuals
+            u = power.max(axis=1)
+            spread, power = fitted(np.where(u <= np.quantile(u, KEPT), leverage, ABSENT), spread)
+        states.append((spread, power))
     spread, power = min(states, key=lambda state: float(np.sum(np.log(state[0]))))
     # Huber weights from there.
     weights = leverage
@@ -138,27 +147,6 @@ def weights_of_rows(lib: Library, rows: Samples) -> RowWeights:
             break
         spread, power = fitted(weights, spread)
     return RowWeights(weights[block], np.argmax(power, axis=1)[block])
-
-
-def _concentrated(
-    state: tuple[Array, Array],
-    leverage: Array,
-    fitted: Callable[[Array, Array], tuple[Array, Array]],
-) -> tuple[Array, Array]:
-    """Least squares on the blocks with the smallest residuals, repeated `STEPS` times."""
-    spread, power = state
-    for _ in range(STEPS):
-        u = power.max(axis=1)
-        kept = u <= np.quantile(u, KEPT)
-        spread, power = fitted(np.where(kept, leverage, ABSENT), spread)
-    return spread, power
-
-
-def _spread_of(rest: Array, block: Array) -> tuple[Array, Array]:
-    """σ_j of residuals (N, n), (n,), and their RMS in every block over it, (blocks, n)."""
-    sigma = NORMAL * np.median(np.abs(rest), axis=0)
-    spread = np.maximum(sigma, 1e-9 * max(float(sigma.max()), 1e-300))
-    return spread, np.sqrt(_block_mean((rest / spread) ** 2, block))
 
 
 def explicit(lib: Library, samples: Samples) -> Samples:

@@ -203,7 +203,10 @@ def friction_root(result: Identification) -> Array | None:
     columns = statistics.factor[:, statistics.n_base :]
     root[~determined(columns)] = np.nan
     root = posterior.usual(root)
-    root[_held_at_zero(result, phi).ravel()] = np.nan
+    # At the bound 0 of friction that cannot drive a joint.
+    bounded = names_where(lambda column: column.is_nonnegative)
+    is_bounded = np.array([name in bounded for name in result.friction.columns], dtype=bool)
+    root[(is_bounded & (phi == 0)).ravel()] = np.nan
     return root
 
 
@@ -254,10 +257,3 @@ def spring_lines(friction: FrictionPart | None) -> list[str]:
 def determined(columns: Array) -> NDArray[np.bool_]:
     """Whether each column (rows, m) is neither zero nor in a combination that is zero, (m,)."""
     return columns.any(axis=0) & np.isfinite(posterior_of(columns).sigma)
-
-
-def _held_at_zero(result: Identification, phi: Array) -> NDArray[np.bool_]:
-    """Whether each coefficient (n, k) is at the bound 0 of friction that cannot drive a joint."""
-    bounded = names_where(lambda column: column.is_nonnegative)
-    names = result.friction.columns
-    return np.array([name in bounded for name in names], dtype=bool) & (phi == 0)

@@ -27,7 +27,6 @@ nothing, as in the equations: the prior alone determines it.
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from functools import partial
 from itertools import chain
 from typing import Any
 
@@ -90,24 +89,22 @@ def with_modelled_torque(assembly: Assembly, fit: Callable[[Problem], Fit]) -> A
             "got a streamed log or rows of power; use --settings stream=false and --settings "
             "regressor=acceleration or momentum"
         )
-    gain = np.ones(problem.lib.n_joints)
+    lib, gain = problem.lib, np.ones(problem.lib.n_joints)
+
+    def torque(samples: Samples) -> Array:
+        """h (N, n) of the last model."""
+        known = samples.rigid(lib, model.pi) + samples.friction(phi)
+        return np.asarray((known + lib.known_torque(samples.q)) / gain)
+
     modelled = _replaced(assembly, flags, lambda samples: np.zeros_like(samples.tau), gain)
     for _ in range(PASSES):
         model = fit(modelled.problem)
         before, gain = gain, np.maximum(1 + model.phi[:, flags].sum(axis=1), LEAST)
         phi = np.where(flags, 0.0, model.phi)
-        modelled = _replaced(
-            assembly, flags, partial(_torque, problem.lib, model.pi, phi, gain), gain
-        )
+        modelled = _replaced(assembly, flags, torque, gain)
         if np.abs(gain - before).max() < CLOSE and (gain != 1).any():
             break
     return modelled
-
-
-def _torque(lib: Library, pi: Array, phi: Array, gain: Array, samples: Samples) -> Array:
-    """h (N, n) of a model."""
-    known = lib.known_torque(samples.q)
-    return np.asarray((samples.rigid(lib, pi) + samples.friction(phi) + known) / gain)
 
 
 def _replaced(

@@ -178,15 +178,12 @@ def spread_of(
 
 
 def com_sigma(root: Array, pi: Array) -> list[Array | None]:
-    """σ of the centre of mass c = (m c)/m of every link, (3,) [m], by a root (10 n, k)."""
-    roots = root.reshape(-1, N_PARAMETERS, root.shape[1])
-    return [
-        _com_deviation(body, rows) if mass(body) else None
-        for body, rows in zip(links(pi), roots, strict=True)
-    ]
+    """σ of the centre of mass c of every link, (3,) [m], by a root (10 n, k); None without m.
 
-
-def _com_deviation(pi: Array, root: Array) -> Array:
-    """σ of c, (3,), of one body: δc = (δ(m c) − c δm) / m."""
-    slope = root[FIRST_MOMENT] - np.outer(centre_of_mass(pi), root[MASS])
-    return np.asarray(np.linalg.norm(slope / mass(pi), axis=1))
+    δc = (δ(m c) − c δm) / m
+    """
+    sigmas: list[Array | None] = []
+    for body, rows in zip(links(pi), root.reshape(-1, N_PARAMETERS, root.shape[1]), strict=True):
+        slope = rows[FIRST_MOMENT] - np.outer(centre_of_mass(body), rows[MASS])
+        sigmas.append(np.linalg.norm(slope / mass(body), axis=1) if mass(body) else None)
+    return sigmas

@@ -22,7 +22,7 @@ from runtime.estimators.prior_file import PriorFile, prior_about
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of
 from runtime.estimators.regression.factor import Statistics, compress, reduce
-from runtime.estimators.regression.samples import Samples, inflation, noise, residuals, weights_from
+from runtime.estimators.regression.samples import inflation, noise, residuals, weights_from
 from runtime.library import Array, Library
 
 PASSES = 3
@@ -50,7 +50,7 @@ def fit_map(
         )
     lib, train = problem.lib, problem.train
     prior = prior_about(lib, lib.pi_from_lam(problem.start), centre)
-    few = _thinned(train)
+    few = train.rows(slice(None, None, max(1, len(train) // ENOUGH)))
     weights = problem.weights
     bounds = bounds_of(problem, is_passive=True)
     floor = problem.noise_floor
@@ -155,12 +155,6 @@ def _primed(
     data, _ = reduce(statistics, problem.train.equations)
     noise = max(data.variance, least) * inflation
     return statistics.merged(known.statistics(statistics, noise))
-
-
-def _thinned(samples: Samples) -> Samples:
-    """About `ENOUGH` samples, evenly spread."""
-    step = max(1, len(samples) // ENOUGH)
-    return samples.rows(slice(None, None, step))
 
 
 def _status(minimum: Minimum) -> str:

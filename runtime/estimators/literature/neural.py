@@ -176,10 +176,10 @@ def fit_neural(problem: Problem) -> Fit:
         without = with_torque(data, data.tau - net(data.columns))
         fit = fit_map(replace(problem, train=without))
     learned = int(np.sum(np.any(net.theta, axis=1)))
-    error = _error(problem, unseen, fit, net)
+    left = _rest(problem, unseen, fit) - net(unseen.columns)
     status = (
         f"{ROUNDS} rounds; nets for {learned} of {problem.lib.n_joints} joints, which leave "
-        f"{error:.3g} N·m of the validation torque"
+        f"{np.sqrt(np.mean(left**2)):.3g} N·m of the validation torque"
     )
     notes = (
         () if learned else ("linear friction predicts the validation data best: no net is kept",)
@@ -191,12 +191,6 @@ def _rest(problem: Problem, samples: Samples, fit: Fit) -> Array:
     """Residual τ − Y π − F φ, (N, n)."""
     rigid = samples.rigid(problem.lib, fit.pi)
     return samples.tau - rigid - samples.friction(fit.phi)
-
-
-def _error(problem: Problem, samples: Samples, fit: Fit, net: FrictionNet) -> float:
-    """RMS of the torque that model and nets leave, N·m."""
-    rest = _rest(problem, samples, fit) - net(samples.columns)
-    return float(np.sqrt(np.mean(rest**2)))
 
 
 NEURAL = Method(

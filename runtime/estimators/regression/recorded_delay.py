@@ -388,17 +388,12 @@ def with_dry_friction(
     if has_position:
         chosen = replace(chosen, columns=(*chosen.columns, ALONG))
     fall = 100 * (1 - np.exp((least - simplest[at]) / 2))
+    kinds = [f"has a memory of {stroke:.2g} rad of travel (column dahl)"] if stroke else []
+    kinds += ["changes with the position (column position)"] * has_position
     return chosen, (
-        f"dry friction {_kind(stroke, has_position)}: the error of cross-validation falls by "
+        f"dry friction {' and '.join(kinds)}: the error of cross-validation falls by "
         f"{significant(fall)} %; --friction {','.join(terms.columns)} leaves it out"
     )
-
-
-def _kind(stroke: float | None, position: bool) -> str:
-    """What the chosen columns describe."""
-    memory = f"has a memory of {stroke:.2g} rad of travel (column dahl)" if stroke else ""
-    changes = "changes with the position (column position)" if position else ""
-    return " and ".join(part for part in (memory, changes) if part)
 
 
 def _errors(columns: Array, rest: Array) -> Array:

@@ -82,7 +82,10 @@ def advise(rows: Sequence[MethodRow], n_base: int) -> Advice:
     take, why = _choice(sound)
     sentences = [
         f"take {take}: {why}",
-        _doubts(ran[take]),
+        # Assumptions of the recommended result that the data contradict, as `identify` states them.
+        f"do not trust it or its intervals yet: {doubts[0]}"
+        if (doubts := ran[take].contradictions)
+        else "; ".join(ran[take].model_errors),
         _consistency(ran),
         _inconsistent(ran, take),
         _boundary(sound, take),
@@ -132,13 +135,6 @@ def _choice(sound: dict[str, Figures]) -> tuple[str, str]:
     if more := METHODS[take].when_recommended:
         reason += f"; {more}"
     return take, reason
-
-
-def _doubts(f: Figures) -> str:
-    """Assumptions of the recommended result that the data contradict, as `identify` states them."""
-    if f.contradictions:
-        return f"do not trust it or its intervals yet: {f.contradictions[0]}"
-    return "; ".join(f.model_errors)
 
 
 def _consistency(ran: dict[str, Figures]) -> str:

@@ -53,8 +53,10 @@ def compare_results(a: SavedResult, b: SavedResult, names: tuple[str, str]) -> T
     both = zip(names, (first, second), strict=True)
     notes += [f"{name}: {doubt}" for name, each in both for doubt in each.doubts[:1]]
     parts = [_table(*each, names) for each in _values(first, second) if each[-1]]
+    pairs = zip(_facts(first), _facts(second), strict=True)
+    setup = tuple((label, x, y) for (label, x), (_, y) in pairs if x != NOTHING or y != NOTHING)
     return TwoResults(
-        setup=_setup(first, second, names),
+        setup=Table(("", *names), setup, title="Setup", kind="facts"),
         errors=_errors(first, second, names),
         values=tuple(table for table, _ in parts),
         sentences=tuple(sentence for _, sentence in parts),
@@ -75,15 +77,6 @@ def _same_frames(a: ResultRecord, b: ResultRecord, names: tuple[str, str]) -> li
     if fault := next((sentence for kind, sentence in notes if kind == FRAMES), None):
         raise RecordingError(f"{fault}; {advice}")
     return [sentence for _, sentence in notes]
-
-
-def _setup(a: ResultRecord, b: ResultRecord, names: tuple[str, str]) -> Table:
-    rows = tuple(
-        (label, x, y)
-        for (label, x), (_, y) in zip(_facts(a), _facts(b), strict=True)
-        if x != NOTHING or y != NOTHING
-    )
-    return Table(("", *names), rows, title="Setup", kind="facts")
 
 
 def _facts(record: ResultRecord) -> tuple[tuple[str, str], ...]:

@@ -188,7 +188,11 @@ def mirrored_links(lib: Library, pairs: tuple[str, ...]) -> tuple[ConstraintRow,
     rows: list[ConstraintRow] = []
     for left, right in places:
         if not _turns_alike(lib, mirror, left, right):
-            raise _not_mirrored(lib.joint_names[left], lib.joint_names[right])
+            raise IdentificationError(
+                f"--settings tie=true expects {lib.joint_names[left]} and {lib.joint_names[right]} "
+                "to be mirrored about a plane of the base, got joints or links that are not; leave "
+                "--settings tie=true out, which compares them only"
+            )
         turn = poses[right, :3, :3].T @ mirror @ poses[left, :3, :3]
         image = mirror_image(turn)
         for k in range(N_PARAMETERS):
@@ -238,13 +242,6 @@ def _turns_alike(lib: Library, mirror: Array, left: int, right: int) -> bool:
         if far < _TOLERANCE:
             return True
     return False
-
-
-def _not_mirrored(left: str, right: str) -> IdentificationError:
-    return IdentificationError(
-        f"--settings tie=true expects {left} and {right} to be mirrored about a plane of the base, "
-        "got joints or links that are not; leave --settings tie=true out, which compares them only"
-    )
 
 
 def identify_tied(

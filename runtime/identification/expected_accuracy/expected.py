@@ -301,7 +301,8 @@ class GainOfRecording:
         if rest:
             more = f"{rest} more of {len(self.gains)} numbers"
             named.append(f"{more} by over {_percent(WORTHWHILE)} %")
-        return f"{self.seconds:g} s more of {self.motion} improve {_listed(named)}"
+        listed = " and ".join([", ".join(named[:-1]), named[-1]]) if named[1:] else named[0]
+        return f"{self.seconds:g} s more of {self.motion} improve {listed}"
 
 
 def gained(
@@ -323,10 +324,6 @@ def verdict(gains: Sequence[GainOfRecording]) -> str:
 
 def _percent(gain: float) -> str:
     return f"{100 * gain:.0f}"
-
-
-def _listed(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 def gained_by_same_motion(

@@ -97,7 +97,12 @@ def error_parts_of(
     basis = orthonormal(flat[0])
     a, *rest = [part - basis @ (basis.T @ part) for part in flat[1:]]
     # Very large where the ten parameters of a payload are not determined.
-    root = posterior_of(a, is_wide=True).root if payload else _arm_root(lib, a, known)
+    if payload:
+        root = posterior_of(a, is_wide=True).root
+    else:  # with the URDF as prior
+        arm = Knowledge.of(lib)
+        counted = with_earlier(a, known.earlier, lib)
+        root = spread_of(arm.prior.bodies, arm.pi, counted, arm.kappa).root
     gain = root @ (root.T @ a.T)
     errors = {name: gain @ part for name, part in zip(missed, rest, strict=True)}
     return ErrorParts({NOISE: root, **errors}, np.full(lib.n_joints, error.gain))
@@ -125,10 +130,3 @@ def _missed(
         FRICTION: np.concatenate([spread(one[:, :, None], None) for one in both], axis=2),
         DELAY: spread((error.delay_s * rate)[:, :, None], None),
     }
-
-
-def _arm_root(lib: Library, a: Array, known: Information) -> Array:
-    """Root of the covariance of π with the URDF as prior."""
-    knowledge = Knowledge.of(lib)
-    rows = with_earlier(a, known.earlier, lib)
-    return spread_of(knowledge.prior.bodies, knowledge.pi, rows, knowledge.kappa).root

@@ -176,17 +176,6 @@ def _directions(reduced: GainRows, c: Array, unit: Array) -> Array:
     return np.asarray(np.trace(np.linalg.solve(H, grams), axis1=1, axis2=2))
 
 
-def covariance_of_gains(
-    reduced: GainRows, z: Array, c: Array, density: float, width: float
-) -> Array:
-    """Covariance of ln |c| for a prior of `width` times its spread: z (w,), c (n,) → (n, n)."""
-    unit = reduced.noise(z, c) * np.sqrt(density)
-    J, n = reduced.jacobian(z, c, unit), len(c)
-    first = reduced.current.size
-    J[first : first + reduced.width] /= width
-    return posterior_of(J).covariance[-n:, -n:]
-
-
 @dataclass(frozen=True, slots=True)
 class Weighed:
     """A mass from a scale."""
@@ -243,7 +232,11 @@ def current_gains(
     # The density of the noise weighs the data against the prior, and needs a first fit.
     density = _density(rows, lib.base_matrix @ (lib.pi0 + reduced.root @ z), c, reduced.noise(z, c))
     z, c = most_probable(reduced, z, density)
-    spread, alone = (covariance_of_gains(reduced, z, c, density, each) for each in (1.0, WEAK))
+    # Covariance of ln |c| with the prior, and with one of `WEAK` times its spread.
+    J, n = reduced.jacobian(z, c, reduced.noise(z, c) * np.sqrt(density)), len(c)
+    spread, first = posterior_of(J).covariance[-n:, -n:], reduced.current.size
+    J[first : first + reduced.width] /= WEAK
+    alone = posterior_of(J).covariance[-n:, -n:]
     scale = " and ".join(each.phrase() for each in weighed) or "the masses of the URDF"
     return _gains(channels, c, rows.sign, spread, alone, scale)
 

@@ -125,7 +125,16 @@ def prepared_log(
         terms = replace(terms, columns=(*terms.columns, *beside))
     elif usable and settings.friction is None and default_terms(recording) is None:
         progress.step("choosing a friction model")
-        terms, note = _default_terms(recording, lib, steps, settings, usable)
+        of_type = settings.prior.friction_model if settings.prior else None
+        if of_type is not None and (has_memory(usable) or not has_memory(of_type.columns)):
+            terms, note = of_type, f"the friction model is that of the fleet: {of_type}"
+        else:
+            chosen = choose_default_friction(
+                *(recording, lib, *steps, settings.coulomb_speed),
+                allowed=tuple(usable),
+                robust=settings.robust,
+            )
+            terms, note = chosen.terms, chosen.sentence
         notes += (note,)
     return PreparedLog(recording, prepared, settings.split, terms, notes, streamed)
 
@@ -192,23 +201,6 @@ def filter_for_accelerations(
         notes = (f"{notes[0]}; lowered to {lower:g} Hz, since at it {quality.noise_in(lib)}",)
         prepared = replace(prepared, cutoff_hz=lower, trim_s=1.0 / lower)
     return prepared, (*notes, *noisy_accelerations(recording, lib, prepared))
-
-
-def _default_terms(
-    recording: Recording,
-    lib: Library,
-    steps: tuple[Preparation | None, Split | None],
-    settings: Settings,
-    usable: Sequence[str],
-) -> tuple[Friction, str]:
-    """Friction model of a fleet, or the default by cross-validation; with a sentence."""
-    of_type = settings.prior.friction_model if settings.prior else None
-    if of_type is not None and (has_memory(usable) or not has_memory(of_type.columns)):
-        return of_type, f"the friction model is that of the fleet: {of_type}"
-    chosen = choose_default_friction(
-        recording, lib, *steps, settings.coulomb_speed, tuple(usable), settings.robust
-    )
-    return chosen.terms, chosen.sentence
 
 
 def usable_columns(methods: Sequence[str]) -> tuple[str, ...]:

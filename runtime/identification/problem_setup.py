@@ -173,7 +173,13 @@ def assembled(
     if of_power is not None:
         train, validation = map(resolved, of_power(parts))
     fitted = samples_of(train, lib)
-    require_enough(fitted, lib)
+    equations, unknowns = fitted.tau.size, len(lib.base_columns) + fitted.columns[0].size
+    if equations < unknowns:
+        raise IdentificationError(
+            f"the {len(fitted)} training samples give {equations} equations for {unknowns} "
+            "unknowns (base parameters and friction); record for longer, or use a larger share of "
+            "the recording for training"
+        )
     problem = Problem(
         lib=lib,
         train=fitted,
@@ -252,17 +258,6 @@ def _of_power(
         for whole, part in zip((first, second), parts, strict=False)
     )
     return train, unseen
-
-
-def require_enough(train: Samples, lib: Library) -> None:
-    """Refuse a training part with fewer equations than unknowns."""
-    equations, unknowns = train.tau.size, len(lib.base_columns) + train.columns[0].size
-    if equations < unknowns:
-        raise IdentificationError(
-            f"the {len(train)} training samples give {equations} equations for {unknowns} "
-            "unknowns (base parameters and friction); record for longer, or use a larger share of "
-            "the recording for training"
-        )
 
 
 def _prepared(

@@ -211,7 +211,12 @@ def problem_of(
     preparation: Preparation | None,
 ) -> GainProblem:
     """Check and prepare both recordings."""
-    mount = _mount(lib, payload, link)
+    mount = mount_of(lib, link or payload.link)
+    if payload.frame and payload.frame != mount.frame:
+        raise IdentificationError(
+            f"the payload is given in the frame of '{payload.frame}', but expected in that of "
+            f"'{mount.frame}' for a payload on '{mount.link}'; name the link that carries it"
+        )
     _require_two_runs(empty, loaded)
     terms = friction or Friction(("viscous", "coulomb"))
     terms = replace(terms, columns=tuple(name for name in terms.columns if name != OFFSET.name))
@@ -234,17 +239,6 @@ def problem_of(
         to_channels=to_channels,
         channels=channels,
     )
-
-
-def _mount(lib: Library, payload: KnownPayload, link: str | None) -> Mount:
-    """The mount, after the check that the payload is given in its frame."""
-    mount = mount_of(lib, link or payload.link)
-    if payload.frame and payload.frame != mount.frame:
-        raise IdentificationError(
-            f"the payload is given in the frame of '{payload.frame}', but expected in that of "
-            f"'{mount.frame}' for a payload on '{mount.link}'; name the link that carries it"
-        )
-    return mount
 
 
 def _require_two_runs(empty: Recording, loaded: Recording) -> None:

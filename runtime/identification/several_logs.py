@@ -14,13 +14,13 @@ noise.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.methods import chosen_method, methods_from_statistics, require_method
-from runtime.estimators.prior_file import KnownFriction
 from runtime.estimators.problem import FrictionPrior
 from runtime.estimators.regression.samples import residuals, samples_of
 from runtime.identification.identified import Identification
@@ -31,7 +31,7 @@ from runtime.identification.result_record import LeftOutPart, RepeatabilityPart,
 from runtime.identification.settings import SILENT, Progress, Settings, shares_of, terms_of
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, link_columns, links, mass
-from runtime.recording import Friction, Preparation, Recording, Split
+from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.consistency import require_plausible
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction.columns import OFFSET as OFFSET_COLUMN
@@ -84,6 +84,12 @@ def agreement_of(
     known = expected > 0
     ratio = float(np.sqrt(np.mean((spread[known] / expected[known]) ** 2)))
     mass_spread = np.std(masses, axis=0, ddof=1)
+    verdict = (
+        "the logs agree within their noise"
+        if ratio < AGREEING
+        else "the logs differ by more than noise: temperature, cables, a payload or a clock "
+        "changed between them"
+    )
     pairs = same_rows([(log.name, log.recording) for log in logs])
     shared = ", ".join(
         f"{a} and {b} share {100 * share:.0f} % of their rows" for a, b, share in pairs
@@ -108,24 +114,11 @@ def agreement_of(
             ratio=ratio,
             sentence=f"{shared}: logs with common rows do not show whether results repeat"
             if shared
-            else _sentence(ratio, float(mass_spread.max())),
+            else f"the base parameters of single logs spread {ratio:.2g} times as much as their "
+            f"covariances predict, link masses up to {mass_spread.max():.2g} kg; {verdict}",
         ),
     )
     return part, (f"{shared}; give each log once",) if shared else ()
-
-
-def _sentence(ratio: float, mass_spread: float) -> str:
-    """Whether the logs agree within their noise."""
-    verdict = (
-        "the logs agree within their noise"
-        if ratio < AGREEING
-        else "the logs differ by more than noise: temperature, cables, a payload or a clock "
-        "changed between them"
-    )
-    return (
-        f"the base parameters of single logs spread {ratio:.2g} times as much as their covariances "
-        f"predict, link masses up to {mass_spread:.2g} kg; {verdict}"
-    )
 
 
 def _left_out(
@@ -243,13 +236,21 @@ def assemble_logs(
     terms = geared(terms_of(first, settings), first, lib)
     shared = tuple(name for name in terms.columns if name != OFFSET)
     shares = shares_of(first, settings)
-    cut = [_parts_of(log, lib, terms, shares, is_joined) for log in logs]
+    cut: list[Parts] = []
+    for log in logs:
+        bare, steps = _bare(log, lib)
+        each = partial(_prepared, log=log, lib=lib, terms=terms)
+        cut.append(prepared_parts(bare, shares, steps, each, is_joined))
     regressor = (cut[0][0].prepared or Preparation()).regressor
     fitted_terms = replace(terms, columns=shared)
 
     def assembly_of(parts: Parts) -> Assembly:
         width = parts[0].required("columns").shape[2] if parts[0].columns is not None else 0
-        prior = _of_shared(settings.friction_prior, len(shared), width)
+        prior, count = settings.friction_prior, len(shared)
+        if isinstance(prior, FrictionPrior):  # of the shared columns, which are first
+            mean, sigma = np.zeros((lib.n_joints, width)), np.full((lib.n_joints, width), np.inf)
+            mean[:, :count], sigma[:, :count] = prior.mean[:, :count], prior.sigma[:, :count]
+            prior = FrictionPrior(mean, sigma)
         return assembled(
             *(parts, lib, replace(settings, friction_prior=prior), fitted_terms, regressor),
             progress=progress,
@@ -268,7 +269,7 @@ def assemble_logs(
         def fit(log: Recording, certify: bool) -> Identification:
             return fitted(assembly_of((log, log, log)), certify)
 
-        whole = [_prepared(*_bare(log, lib), log, lib, terms) for log in logs]
+        whole = [_prepared(*_bare(log, lib), log=log, lib=lib, terms=terms) for log in logs]
         rows = tuple(len(each[0]) for each in cut)
         agreement, notes = agreement_of(logs, whole, offsets, rows, fit, lib)
         return replace(result, agreement=agreement, notes=(*notes, *result.notes))
@@ -277,17 +278,6 @@ def assemble_logs(
     assembly = assembly_of((train, validation, test))
     notes = (*assembly.notes, *_unlike([each[0] for each in cut], names))
     return replace(assembly, logs=names, notes=notes, finish=finish)
-
-
-def _of_shared(
-    prior: FrictionPrior | KnownFriction | None, shared: int, width: int
-) -> FrictionPrior | KnownFriction | None:
-    """The prior of the columns that the logs share, which are first, and none of their offsets."""
-    if not isinstance(prior, FrictionPrior):
-        return prior
-    mean, sigma = np.zeros((len(prior.mean), width)), np.full((len(prior.mean), width), np.inf)
-    mean[:, :shared], sigma[:, :shared] = prior.mean[:, :shared], prior.sigma[:, :shared]
-    return FrictionPrior(mean, sigma)
 
 
 def _names(logs: Sequence[NamedLog], method: str) -> tuple[str, ...]:
@@ -319,18 +309,6 @@ def _unlike(prepared: Sequence[Recording], names: Sequence[str]) -> tuple[str, .
     )
 
 
-def _parts_of(
-    log: NamedLog, lib: Library, terms: Friction, shares: Split, is_joined: bool
-) -> Parts:
-    """Split a log, prepare its parts and subtract the torque of its known payload."""
-    bare, preparation = _bare(log, lib)
-
-    def prepared(part: Recording, steps: Preparation) -> Recording:
-        return _prepared(part, steps, log, lib, terms)
-
-    return prepared_parts(bare, shares, preparation, prepared, is_joined)
-
-
 def _bare(log: NamedLog, lib: Library) -> tuple[Recording, Preparation]:
     """The log as read without friction columns, and its preparation."""
     recording = independent_joints(log.recording, lib)
@@ -345,7 +323,7 @@ def _bare(log: NamedLog, lib: Library) -> tuple[Recording, Preparation]:
 
 
 def _prepared(
-    bare: Recording, preparation: Preparation, log: NamedLog, lib: Library, terms: Friction
+    bare: Recording, preparation: Preparation, *, log: NamedLog, lib: Library, terms: Friction
 ) -> Recording:
     """Prepared rows without the torque of the known payload."""
     data = prepare(bare, preparation, terms, lib=lib)

@@ -41,7 +41,6 @@ from runtime.estimators.friction_bounds import bounds_of
 from runtime.estimators.methods import METHODS, chosen_method, fit_by
 from runtime.estimators.optimizers import Status
 from runtime.estimators.problem import Fit, Problem, best_friction
-from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.samples import Samples, residuals, samples_of
 from runtime.estimators.robust import require_robust, robust_problem
 from runtime.estimators.uncertainty import Uncertainty, uncertainty_of
@@ -192,6 +191,10 @@ def identify_assembled(
             optimum = convex_optimum(lib, statistics, guess, bounds).loss
     weights = problem.weights if fit.weights is None else fit.weights
     is_last = not is_refitted(assembly, chosen, method) or fit.status == Status.INTERRUPTED.value
+    loss = statistics.value(fit.pi, fit.phi)  # in the weights of the optimum
+    if fit.learned is not None:
+        rest = problem.train.tau - torque_of(lib, problem.train, fit.pi, fit.phi, fit.learned)
+        loss = float(np.mean(rest**2 @ problem.weights) / 2)
     result = Identification(
         method=method,
         lib=lib,
@@ -202,7 +205,7 @@ def identify_assembled(
         friction=assembly.friction,
         weights=weights,
         status=fit.status,
-        loss=_loss(problem, fit, statistics),
+        loss=loss,
         optimum=optimum,
         zero_loss=float(np.mean(problem.train.tau**2 @ weights) / 2),
         uncertainty=_uncertainty(assembly, fit, method, chosen) if chosen.certify else None,
@@ -301,14 +304,6 @@ def _uncertainty(
     rows = assembly.parts[0]
     steps = rows.prepared or settings.preparation or rows.preparation
     return replace(posterior, filtered=filter_inflation(steps, rows.rate_hz))
-
-
-def _loss(problem: Problem, fit: Fit, statistics: Statistics) -> float:
-    """L of the fit in the weights of `statistics`, which are those of the optimum."""
-    if fit.learned is None:
-        return statistics.value(fit.pi, fit.phi)
-    rest = problem.train.tau - torque_of(problem.lib, problem.train, fit.pi, fit.phi, fit.learned)
-    return float(np.mean(rest**2 @ problem.weights) / 2)
 
 
 def is_refitted(assembly: Assembly, settings: Settings, method: str) -> bool:

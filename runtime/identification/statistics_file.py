@@ -91,7 +91,10 @@ def statistics_of(result: Identification, unit: str) -> UnitStatistics:
             f"expected a result with an uncertainty, got one of '{result.method}' without; leave "
             "out the setting save_statistics, or identify with certify"
         )
-    facts = result.friction.facts()
+    # The rows have a standard deviation where they are those of the torque.
+    facts, prepared = result.friction.facts(), result.train.prepared
+    of_torque = prepared is None or prepared.regressor == "acceleration"
+    of_torque = of_torque and result.weights.shape == (result.lib.n_joints,)
     slow, peak, stroke = (float(facts[key]) for key in WIDTHS)
     return UnitStatistics(
         **asdict(information.statistics),
@@ -101,7 +104,7 @@ def statistics_of(result: Identification, unit: str) -> UnitStatistics:
         joints=result.lib.joint_names,
         columns=_columns(result),
         widths=(slow, peak, stroke),
-        noise=_noise(result),
+        noise=1 / np.sqrt(result.weights) if of_torque else None,
     )
 
 
@@ -169,14 +172,6 @@ def require_robot(known: UnitStatistics, lib: Library, path: Path) -> UnitStatis
             "keep one folder per type of robot"
         )
     return known
-
-
-def _noise(result: Identification) -> Array | None:
-    """σ of the rows of every joint, where they are those of the torque."""
-    prepared = result.train.prepared
-    of_torque = prepared is None or prepared.regressor == "acceleration"
-    alike = result.weights.shape == (result.lib.n_joints,)
-    return 1 / np.sqrt(result.weights) if of_torque and alike else None
 
 
 def _columns(result: Identification) -> tuple[str, ...]:

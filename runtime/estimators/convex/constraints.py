@@ -59,7 +59,9 @@ def constrained(
     constraints: Constraints, data: Reduced, prior: Prior, gamma: float | Array
 ) -> tuple[Minimum, tuple[str, ...]]:
     """Minimise under entropic and linear priors."""
-    whiten = _whitening(prior)
+    # W with Wᵀ W the curvature of the prior: ‖W (π − π0)‖² / 2 is D to second order.
+    _, blocks = prior.bodies.curvature(prior.centre)
+    whiten = np.asarray(block_diag(*(np.linalg.cholesky(b).T for b in blocks)))
     start = _inside(constraints, prior, whiten)
     rows, limits = _stacked(constraints.bounds, start.size)
     inside = HalfSpaces(rows, limits, BARRIER * float(np.min(gamma))) if len(rows) else None
@@ -165,12 +167,6 @@ def _consistency(prior: Prior, back: Array) -> tuple[Array, Array]:
         blocks.append(np.array([turned[:, i, j] for i, j in places]) * weight[:, None])
     unit = np.tile([1.0 if i == j else 0.0 for i, j in places], size // N_PARAMETERS)
     return block_diag(*blocks) @ back, unit
-
-
-def _whitening(prior: Prior) -> Array:
-    """W with Wᵀ W the curvature of the prior: ‖W (π − π0)‖² / 2 is D to second order."""
-    _, blocks = prior.bodies.curvature(prior.centre)
-    return np.asarray(block_diag(*(np.linalg.cholesky(b).T for b in blocks)))
 
 
 def _stacked(rows: tuple[ConstraintRow, ...], size: int) -> tuple[Array, Array]:

@@ -221,19 +221,13 @@ def fit_levenberg(problem: Problem, cholesky: bool = False) -> Fit:
     descent = start_of(problem, cholesky)
     outcome = levenberg_descend(descent, LevenbergOptions())
     if outcome.status in {Status.MAX_ITERATIONS, Status.STALLED}:
-        descent, outcome = _in_cholesky(descent, outcome)
+        if not descent.cholesky:
+            lib, size = problem.lib, descent.problem.start.size
+            safe, _ = _thickened(lib, descent.bodies(outcome.x))
+            x = np.concatenate([lib.cholesky_from_pi(safe), outcome.x[size:]])
+            descent, outcome = replace(descent, x0=x, cholesky=True), replace(outcome, x=x)
         outcome = newton_descend(descent, outcome)
     return fit_of(descent, outcome)
-
-
-def _in_cholesky(descent: Descent, outcome: Outcome) -> tuple[Descent, Outcome]:
-    """A descent and its end in log-Cholesky coordinates."""
-    if descent.cholesky:
-        return descent, outcome
-    lib, size = descent.problem.lib, descent.problem.start.size
-    safe, _ = _thickened(lib, descent.bodies(outcome.x))
-    x = np.concatenate([lib.cholesky_from_pi(safe), outcome.x[size:]])
-    return replace(descent, x0=x, cholesky=True), replace(outcome, x=x)
 
 
 @one_blas_thread

@@ -215,12 +215,8 @@ _CHECK_EVERY = 100
 
 def fit_ekf(problem: Problem, log: Origin | None = None) -> Fit:
     """Identify π and φ by the extended Kalman filter, estimate after the last sample."""
-    data = filter_input_of(log, "ekf")
-    return _fit(problem, data, *run_ekf(problem.lib, data, problem.start))
-
-
-def _fit(problem: Problem, data: FilterInput, x: Array, covariance: Array, bad: int) -> Fit:
-    lib = problem.lib
+    lib, data = problem.lib, filter_input_of(log, "ekf")
+    x, covariance, bad = run_ekf(lib, data, problem.start)
     n, n_pi = lib.n_joints, lib.pi0.size
     pi, phi = x[2 * n : 2 * n + n_pi], x[2 * n + n_pi : -n].reshape(n, -1)
     checks = 1 + (len(data.q) - 1) // _CHECK_EVERY

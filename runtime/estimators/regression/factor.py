@@ -30,7 +30,6 @@ from runtime.errors import IdentificationError
 from runtime.estimators.regression.posterior import ROUNDING, least_squares
 from runtime.estimators.regression.samples import THESIS_SIGMA, Samples
 from runtime.library import Array, Library
-from runtime.recording.friction.coupled_motors import Coupling
 from runtime.recording.friction.model import torque as friction_torque
 
 EXPLAINED = 1e-9
@@ -237,7 +236,11 @@ class TorqueObjective:
         pi = lib.pi_from_lam(lam)
         loss, slope, residual = lib.loss_gradient(q, dq, ddq, free, self.weights, pi)
         n_lam = lib.pi_adjoint(lam, slope)
-        n_phi = _slope(columns, residual * self.weights, s.coupling) * self.unit
+        weighted = residual * self.weights
+        if s.coupling is None:  # Σ_i Cᵀ W r of every coefficient, (n, k)
+            n_phi = np.einsum("ijk,ij->jk", columns, weighted) * self.unit
+        else:
+            n_phi = s.coupling.slope(columns, weighted) * self.unit
         return loss / len(q), np.concatenate([n_lam, n_phi.ravel()]) / len(q)
 
     def value(self, x: Array) -> float:
@@ -248,13 +251,6 @@ class TorqueObjective:
         if phi.size:
             residual = residual + s.friction(phi)
         return float(np.mean((residual**2) @ self.weights) / 2)
-
-
-def _slope(columns: Array, weighted: Array, coupling: Coupling | None) -> Array:
-    """Σ_i Cᵀ W r of every coefficient, (n, k)."""
-    if coupling is None:
-        return np.asarray(np.einsum("ijk,ij->jk", columns, weighted))
-    return coupling.slope(columns, weighted)
 
 
 def friction_unit(samples: Samples) -> Array:

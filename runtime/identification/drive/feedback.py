@@ -215,7 +215,9 @@ def feedback_torque(result: Identification, delay: Array, request: DriveRequest)
         return None
     samples, lib = samples_of(result.train, result.lib), result.lib
     terms = result.friction
-    if gains is None or samples.acceleration is None or _is_of_more(samples, terms):
+    # Friction of coupled motors, or that depends on more than the motion.
+    is_of_more = has_memory(terms.columns) or signals_for(terms.columns)
+    if gains is None or samples.acceleration is None or samples.coupling or is_of_more:
         return None
     rest = samples.tau - samples.rigid(lib, result.pi) - samples.friction(result.phi)
     t, moves = result.train.t, np.zeros((3, *samples.q.shape))
@@ -300,12 +302,6 @@ def _gains(law: ControlLaw | None, n: int) -> tuple[Array, Array] | None:
         np.broadcast_to(np.asarray(x, dtype=float), (n,)) for x in (law.kp, law.kd, law.gear)
     )
     return kp * gear**2, kd * gear**2
-
-
-def _is_of_more(samples: Samples, terms: Friction) -> bool:
-    """Whether friction is that of coupled motors, or depends on more than the motion."""
-    others = has_memory(terms.columns) or signals_for(terms.columns)
-    return samples.coupling is not None or bool(others)
 
 
 def _loop(

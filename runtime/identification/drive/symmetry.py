@@ -184,7 +184,13 @@ def mirrored_links(lib: Library, pairs: tuple[str, ...]) -> tuple[ConstraintRow,
             f"links and {lib.n_joints} joints; leave it out, or use com_box and mass of --prior"
         )
     poses = np.asarray(lib.link_poses(np.zeros((1, lib.n_joints))))[0]
-    mirror = _plane(poses, places)
+    # M of the plane about which the positions of the links are mirrored best.
+    sides, origin = np.array(places).T, poses[:, :3, 3]
+
+    def distance(signs: tuple[float, ...]) -> float:
+        return float(np.linalg.norm(origin[sides[1]] - origin[sides[0]] * np.array(signs)))
+
+    mirror = np.diag(min(PLANES.values(), key=distance))
     rows: list[ConstraintRow] = []
     for left, right in places:
         if not _turns_alike(lib, mirror, left, right):
@@ -212,17 +218,6 @@ def mirror_image(turn: Array) -> Array:
     image[FIRST_MOMENT, FIRST_MOMENT] = turn
     image[INERTIA, INERTIA] = inertia_entries(turn @ inertia_matrix(np.eye(6)) @ turn.T).T
     return image
-
-
-def _plane(poses: Array, places: tuple[tuple[int, int], ...]) -> Array:
-    """M of the plane about which the positions of the links are mirrored best."""
-    left, right = np.array(places).T
-    origin = poses[:, :3, 3]
-
-    def distance(signs: tuple[float, ...]) -> float:
-        return float(np.linalg.norm(origin[right] - origin[left] * np.array(signs)))
-
-    return np.diag(min(PLANES.values(), key=distance))
 
 
 def _turns_alike(lib: Library, mirror: Array, left: int, right: int) -> bool:

@@ -143,7 +143,10 @@ def identify_free_base(
     is_consistent, units = bool(eigenvalues.min() > 0), file_units(lib.manifest)
     of_rows = dict(zip(lib.row_names, [*["N"] * 3, *["N*m"] * 3, *units], strict=True))
     filtered = {} if cutoff_hz is None else {"filter": "butterworth", "cutoff_hz": cutoff_hz}
-    of_drives = fit.phi[0, size:], deviations[size:]
+    of_drives, delay = (fit.phi[0, size:], deviations[size:]), None
+    if drives is not None:  # a stated delay is exact
+        late, spread_s = (x[-1] if drives.is_delay_unknown else 0.0 for x in of_drives)
+        delay = Delay(value=drives.delay_s + float(late), sigma=plain(float(spread_s)))
     record = ResultRecord.with_gaps(
         format=FORMAT,
         method="map",
@@ -160,7 +163,7 @@ def identify_free_base(
             preparation=filtered,
         ),
         torque_source=MEASURED if drives is None else COMMANDED,
-        delay_s=None if drives is None else _delay(drives, *of_drives),
+        delay_s=delay,
         torque_error_percent=percent_of(level, before, after),
         torque_rms=ErrorRms(before=plain(before), after=plain(after)),
         links=link_parts(lib, fit.pi, eigenvalues),
@@ -301,12 +304,6 @@ def _parts(
     if min(len(first), len(second)) < 1:
         raise IdentificationError("no row is left for training or test; record for longer")
     return first, second
-
-
-def _delay(drives: Drives, phi: Array, sigma: Array) -> Delay:
-    """The whole delay with σ; a stated one is exact."""
-    late, spread = (phi[-1], sigma[-1]) if drives.is_delay_unknown else (0.0, 0.0)
-    return Delay(value=drives.delay_s + float(late), sigma=plain(float(spread)))
 
 
 def _friction(drives: Drives, joints: int, phi: Array, sigma: Array) -> FrictionPart | None:

@@ -278,7 +278,9 @@ def _solved(mount: Mount, columns: Array, residual: Array, kappa: float) -> _Sol
     count, n, _ = columns.shape
     means, level = columns.mean(axis=0), residual.mean(axis=0)
     rows, target = columns - means, residual - level
-    prior = prior_from(mount.bodies, _ball(mount))
+    size = 0.4 * BALL_MASS * BALL_RADIUS**2
+    ball = pi_from_parts(BALL_MASS, 0.0, [size, size, size, 0, 0, 0])  # in the mount's frame
+    prior = prior_from(mount.bodies, np.asarray(np.linalg.solve(mount.to_frame, ball)))
     if np.linalg.norm(rows) <= _SILENT * np.linalg.norm(columns):
         raise IdentificationError(
             f"the link '{mount.link}' does not move in this recording, so that a payload on it "
@@ -328,13 +330,6 @@ def _solved(mount: Mount, columns: Array, residual: Array, kappa: float) -> _Sol
         fitted=fitted,
         density=density,
     )
-
-
-def _ball(mount: Mount) -> Array:
-    """π of the prior in the link's frame."""
-    size = 0.4 * BALL_MASS * BALL_RADIUS**2
-    at_mount = pi_from_parts(BALL_MASS, 0.0, [size, size, size, 0, 0, 0])
-    return np.asarray(np.linalg.solve(mount.to_frame, at_mount))
 
 
 def _moment_note(mount: Mount, solution: _Solution) -> str:

@@ -41,13 +41,7 @@ from runtime.estimators.regression.causes import (
     causes_of,
 )
 from runtime.estimators.regression.factor import Reduced
-from runtime.estimators.regression.model_error import (
-    MARGIN,
-    SIGNIFICANCE,
-    FreeFit,
-    FrictionTest,
-    friction_test,
-)
+from runtime.estimators.regression.model_error import MARGIN, SIGNIFICANCE, FreeFit, friction_test
 from runtime.estimators.regression.posterior import ROUNDING
 from runtime.library import Array, Library
 from runtime.library.manifest import torque_units
@@ -249,7 +243,12 @@ def model_tests(
         else:
             errors.insert(0, _of_urdf(test, is_of_type))
     if friction is not None and friction.is_contradicted:
-        errors.append(_of_friction(lib, friction))
+        errors.append(
+            f"the residuals of {', '.join(friction.names(lib))} contain friction that the columns "
+            "do not describe, a Stribeck peak or friction that grows with the load "
+            f"({friction.excess:.2g} times the threshold): the parameters take up a part of it, "
+            "and their intervals are too narrow; compare with --friction auto"
+        )
     if not (doubt or test.is_contradicted) and misfit > UNFITTED:
         doubt = (
             f"the result leaves {misfit:.2g} times as much of the training torque unexplained as "
@@ -362,15 +361,6 @@ def _of_limits(lib: Library, causes: Causes) -> tuple[str, ...]:
         others = f", and that of {rest} other joints at no angle below {np.degrees(LARGEST):.0f}°"
         said.append(f"this log shows {' and '.join(parts)} on{others if shown and rest else ''}")
     return tuple(said)
-
-
-def _of_friction(lib: Library, test: FrictionTest) -> str:
-    return (
-        f"the residuals of {', '.join(test.names(lib))} contain friction that the columns do not "
-        f"describe, a Stribeck peak or friction that grows with the load ({test.excess:.2g} times "
-        "the threshold): the parameters take up a part of it, and their intervals are too narrow; "
-        "compare with --friction auto"
-    )
 
 
 def _of_unit(test: PriorTest, is_of_type: bool) -> str:

@@ -26,7 +26,7 @@ from runtime.estimators.gauss_newton import Linearised, gauss_newton
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.estimators.regression.posterior import APART, orthonormal, posterior_of
 from runtime.estimators.regression.recorded_delay import filtered
-from runtime.estimators.regression.samples import Samples, samples_of
+from runtime.estimators.regression.samples import samples_of
 from runtime.identification.settings import Settings
 from runtime.library import Array, Library
 from runtime.library.parameters import MASS, N_PARAMETERS
@@ -244,7 +244,7 @@ def current_gains(
 def _rows(
     recording: Recording, lib: Library, terms: Friction, preparation: Preparation | None
 ) -> tuple[_Channels, tuple[str, ...]]:
-    """Prepared rows of every channel, and the names of the channels."""
+    """Prepared rows of every channel without their part along friction, and names of channels."""
     bare = recording.replace(columns=None, column_names=(), motors=None)
     usual = filtered(recording, preparation or recording.preparation)
     done = prepare(bare, usual, geared(terms, bare, lib), lib=lib)
@@ -261,7 +261,18 @@ def _rows(
         )
     samples = samples.rows(slice(None, None, max(1, len(samples) // MOST_ROWS)))
     to_channels, names = channels_of(recording, lib)
-    return _without_friction(samples, lib, to_channels), names
+    base = np.einsum("mj,ijk->imk", to_channels, samples.base_rows(lib))
+    friction = np.einsum("mj,ijk->imk", to_channels, samples.friction_rows())
+    current = samples.tau @ to_channels.T
+    speed = samples.dq @ np.linalg.inv(to_channels)
+    sign = np.where(np.sum(speed * current, axis=0) < 0, -1.0, 1.0)
+    bases = [orthonormal(friction[:, j], APART) for j in range(lib.n_joints)]
+    for j, q in enumerate(bases):
+        base[:, j] -= q @ (q.T @ base[:, j])
+        current[:, j] -= q @ (q.T @ current[:, j])
+    width = max(q.shape[1] for q in bases)
+    basis = np.stack([np.pad(q, ((0, 0), (0, width - q.shape[1]))) for q in bases], axis=1)
+    return _Channels(base, current, basis, sign), names
 
 
 def channels_of(recording: Recording, lib: Library) -> tuple[Array, tuple[str, ...]]:
@@ -270,24 +281,6 @@ def channels_of(recording: Recording, lib: Library) -> tuple[Array, tuple[str, .
     if not R.size or np.count_nonzero(R) == np.count_nonzero(np.diagonal(R)):
         return np.eye(lib.n_joints), lib.joint_names
     return np.asarray(np.linalg.inv(R).T), tuple(f"motor {m + 1}" for m in range(len(R)))
-
-
-def _without_friction(samples: Samples, lib: Library, to_channels: Array) -> _Channels:
-    base = np.einsum("mj,ijk->imk", to_channels, samples.base_rows(lib))
-    friction = np.einsum("mj,ijk->imk", to_channels, samples.friction_rows())
-    current = samples.tau @ to_channels.T
-    speed = samples.dq @ np.linalg.inv(to_channels)
-    sign = np.where(np.sum(speed * current, axis=0) < 0, -1.0, 1.0)
-    n = lib.n_joints
-    bases = []
-    for j in range(n):
-        q = orthonormal(friction[:, j], APART)
-        base[:, j] -= q @ (q.T @ base[:, j])
-        current[:, j] -= q @ (q.T @ current[:, j])
-        bases.append(q)
-    width = max(q.shape[1] for q in bases)
-    basis = np.stack([np.pad(q, ((0, 0), (0, width - q.shape[1]))) for q in bases], axis=1)
-    return _Channels(base, current, basis, sign)
 
 
 def _density(rows: _Channels, beta: Array, c: Array, noise: Array) -> float:

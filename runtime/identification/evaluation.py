@@ -286,8 +286,8 @@ class Evaluation:
     def to_facts(self) -> dict[str, Any]:
         """Table of the JSON that `evaluate --json` prints."""
         facts = msgspec.to_builtins(self)
-        facts["mass_matrix"]["is_positive_definite"] = self.mass_matrix.is_positive_definite
-        return facts
+        is_positive = {"is_positive_definite": self.mass_matrix.is_positive_definite}
+        return facts | {"mass_matrix": is_positive | facts["mass_matrix"]}
 
 
 def evaluate(

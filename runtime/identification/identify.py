@@ -53,7 +53,7 @@ from runtime.identification.settings import (
 )
 from runtime.identification.several_logs import NamedLog
 from runtime.identification.single_log import FittedSource, identify_recording
-from runtime.library import Array, Library, require_library
+from runtime.library import Library, require_library
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.commanded_torque import without_ends
 from runtime.recording.coupled_joints import independent_joints
@@ -211,10 +211,9 @@ def _prepared_logs(
     first = prepared_log(named[0].recording, lib, of_first, usable, progress)
     rest = settings
     if settings.regressor == AUTO:
-        steps = first.preparation or first.recording.preparation
-        rest = replace(rest, regressor=steps.regressor)
-        if steps.regressor != "acceleration":  # chosen together with its cut-off
-            rest = replace(rest, cutoff=steps.cutoff_hz)
+        rest = replace(rest, regressor=first.steps.regressor)
+        if first.steps.regressor != "acceleration":  # chosen together with its cut-off
+            rest = replace(rest, cutoff=first.steps.cutoff_hz)
     if first.friction is not None:
         rest = replace(rest, friction=first.friction, coulomb_speed=None)
     gains, data = first.recording.gains, [first]
@@ -286,14 +285,14 @@ def with_mirrored_links(
 
 def delayed(data: PreparedLog, settings: Settings) -> Preparation | None:
     """Preparation with a stated delay."""
-    recording, preparation, delay = data.recording, data.preparation, settings.delay
+    delay = settings.delay
     if data.is_at_rest and (delay is not None or settings.encoder_bias):
         raise IdentificationError(
             "--delay and --settings encoder_bias=true need motion, but the log contains poses at "
             "rest; leave them out, or give --cutoff to identify from the motion between the poses"
         )
     if delay is None or delay in {AUTO, PER_JOINT}:
-        return preparation
+        return data.preparation
     try:
         seconds = float(delay)
         if not math.isfinite(seconds) or abs(seconds) > LATEST:
@@ -302,39 +301,28 @@ def delayed(data: PreparedLog, settings: Settings) -> Preparation | None:
         raise IdentificationError(
             f"--delay needs a number of seconds within 1 s, {AUTO} or {PER_JOINT}, got '{delay}'"
         ) from None
-    usual = preparation or recording.preparation
-    return with_delay(recording, usual, np.array([seconds]))
+    return with_delay(data.recording, data.steps, np.array([seconds]))
 
 
 def with_drives(data: Sequence[PreparedLog], lib: Library, settings: Settings) -> list[PreparedLog]:
     """The logs as one log of a commanded torque is prepared."""
-    ready = [_without_ends(each) for each in data]
+    ready = [
+        replace(log, preparation=without_ends(log.recording, log.steps))
+        if log.is_commanded
+        else log
+        for log in data
+    ]
     first = ready[0]
     recipe, terms = first.recording.recipe, first.friction
     stated = settings.friction is not None or settings.coulomb_speed is not None
     is_named = stated or (recipe is not None and recipe.friction is not None)
-    if is_named or terms is None or first.preparation is None or not _is_commanded(first):
+    if is_named or terms is None or first.preparation is None or not first.is_commanded:
         return ready
     seen = before_test(first.recording, first.split)
     late = settings.delay in {AUTO, PER_JOINT}
     terms, sentence = with_dry_friction(seen, lib, first.preparation, terms, late)
     notes = (*first.notes, sentence) if sentence else first.notes
     return [replace(first, friction=terms, notes=notes), *ready[1:]]
-
-
-def _is_commanded(log: PreparedLog) -> bool:
-    """Whether the log has a motion with a commanded torque, as it was read."""
-    recording = log.recording
-    is_read = recording.columns is None and not log.is_at_rest
-    return recording.torque_source == COMMANDED and is_read
-
-
-def _without_ends(log: PreparedLog) -> PreparedLog:
-    """The log without both ends of a commanded torque."""
-    if not _is_commanded(log):
-        return log
-    usual = log.preparation or log.recording.preparation
-    return replace(log, preparation=without_ends(log.recording, usual))
 
 
 def without_drives(
@@ -359,21 +347,19 @@ def without_drives(
         progress.step(f"estimating the delay of {name}")
         drive = identify_drive(each.recording, lib, alone, request).drive
         estimated.append(drive or DriveFit.unknown(lib.n_joints))
-    bias = DriveFit.of_all(estimated).bias
-    return [_corrected(*pair, bias) for pair in zip(data, estimated, strict=True)], estimated
-
-
-def _corrected(log: PreparedLog, drive: DriveFit, bias: Array) -> PreparedLog:
-    """The log with delay and biases removed."""
-    if drive.delay.size:
-        usual = log.preparation or log.recording.preparation
-        log = replace(log, preparation=with_delay(log.recording, usual, drive.delay))
-    if not np.isfinite(bias).all():
-        return log
-    if log.streamed is not None:
-        return replace(log, streamed=replace(log.streamed, bias=bias))
-    recording = log.recording
-    return replace(log, recording=recording.replace(q=recording.q + bias))
+    bias, corrected = DriveFit.of_all(estimated).bias, list[PreparedLog]()
+    has_bias = bool(np.isfinite(bias).all())
+    for each, fit in zip(data, estimated, strict=True):
+        steps, recording = each.preparation, each.recording
+        if fit.delay.size:
+            steps = with_delay(recording, each.steps, fit.delay)
+        log = replace(each, preparation=steps)
+        if has_bias and each.streamed is not None:
+            log = replace(log, streamed=replace(each.streamed, bias=bias))
+        elif has_bias:
+            log = replace(log, recording=recording.replace(q=recording.q + bias))
+        corrected.append(log)
+    return corrected, estimated
 
 
 def drive_notes(

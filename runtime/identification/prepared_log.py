@@ -40,6 +40,7 @@ from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction.columns import OFFSET
 from runtime.recording.friction.model import default_terms
 from runtime.recording.preprocessing.parts import before_test
+from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.settings import has_memory
 from runtime.recording.static_poses import static_poses
 from runtime.recording.streamed import StreamedRecording
@@ -60,6 +61,17 @@ class PreparedLog:
     notes: tuple[str, ...] = ()  # sentences about what was chosen automatically
     streamed: StreamedRecording | None = None  # the log in its file; None where it is in memory
     is_at_rest: bool = False  # whether the rows are poses at rest, without motion
+
+    @property
+    def steps(self) -> Preparation:
+        """Its preparation, stated or that of the recipe."""
+        return self.preparation or self.recording.preparation
+
+    @property
+    def is_commanded(self) -> bool:
+        """Whether it has a motion with a commanded torque, as it was read."""
+        is_read = self.recording.columns is None and not self.is_at_rest
+        return self.recording.torque_source == COMMANDED and is_read
 
     def settings(self, settings: Settings, preparation: Preparation | None) -> Settings:
         """Settings of a fit of this log, with nothing left to choose."""

@@ -92,7 +92,10 @@ def fit_map(
         pi=minimum.pi,
         phi=phi.reshape(train.shape),
         lam=lib.lam_from_pi(minimum.pi),
-        status=_status(minimum),
+        status=f"converged: most probable consistent model, {minimum.steps} Newton steps"
+        if minimum.converged
+        else f"stopped after {minimum.steps} Newton steps, decrement {minimum.decrement:.1e}; the "
+        "model is consistent, but check units and outliers of the torque",
         iterations=minimum.steps,
         notes=(*prior.notes, *notes),
         statistics=statistics,
@@ -155,15 +158,6 @@ def _primed(
     data, _ = reduce(statistics, problem.train.equations)
     noise = max(data.variance, least) * inflation
     return statistics.merged(known.statistics(statistics, noise))
-
-
-def _status(minimum: Minimum) -> str:
-    if minimum.converged:
-        return f"converged: most probable consistent model, {minimum.steps} Newton steps"
-    return (
-        f"stopped after {minimum.steps} Newton steps, decrement {minimum.decrement:.1e}; the model "
-        "is consistent, but check units and outliers of the torque"
-    )
 
 
 MAP = Method(

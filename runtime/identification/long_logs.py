@@ -62,7 +62,7 @@ REACH = 4096
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Blocks:
-    """A streamed log in blocks, with its preparation."""
+    """A part of a streamed log in blocks, with its preparation."""
 
     log: StreamedRecording  # rows in their file
     lib: Library  # library of the robot
@@ -77,6 +77,10 @@ class Blocks:
     spool: Spool  # temporary file of prepared rows
     # index of a block → place of its prepared rows; None where the arm rests
     kept: dict[int, "_Kept | None"] = field(default_factory=dict)
+    # first and last instant of the prepared rows of the part [s]
+    span: tuple[float, float] = (-np.inf, np.inf)
+    # first instant that is taken of the blocks [s]: those of the training part may include others
+    first: float = -np.inf
 
     def __len__(self) -> int:
         return len(self.edges) - 1
@@ -121,32 +125,29 @@ class Blocks:
         rows = np.flatnonzero(kept)
         return whole.take(rows, f"Took {len(rows)} rows of a block.") if rows.size else None
 
-    def within(self, first: float, last: float) -> range:
-        """Blocks that contain instants first ≤ t < last."""
-        begin = int(np.searchsorted(self.instants, first, side="right")) - 1
-        end = int(np.searchsorted(self.instants - self.half_step, last, side="left"))
-        return range(max(begin, 0), min(max(end, 1), len(self)))
+    def within(self) -> range:
+        """Blocks that contain instants t ≥ `first`."""
+        begin = int(np.searchsorted(self.instants, self.first, side="right")) - 1
+        return range(max(begin, 0), len(self))
 
-    def parts(self, first: float, last: float) -> Iterator[Recording]:
-        """Prepared rows with first ≤ t < last, one block at a time."""
-        for block in self.in_order(self.within(first, last)):
-            if block is None:
+    def recordings(self) -> Iterator[Recording]:
+        """Prepared rows with t ≥ `first`, one block at a time in the order of time."""
+        for block in self.in_order(self.within()):
+            if block is None or block.t[-1] < self.first:
                 continue
-            inside = (block.t >= first) & (block.t < last)
-            if inside.all():
-                yield block
-            elif inside.any():
-                yield block.take(inside, "Cut to the part.")
+            inside = block.t >= self.first
+            yield block if inside.all() else block.take(inside, "Cut to the part.")
 
-    def count(self, first: float) -> int:
-        """Number of prepared rows with t ≥ first."""
+    def count(self) -> int:
+        """Number of prepared rows with t ≥ `first`."""
         count = 0
-        for index in self.within(first, np.inf):
+        for index in self.within():
             if index not in self.kept:
                 self.prepared(index)
             if (kept := self.kept[index]) is not None:
-                whole = first <= kept.first.t[0]
-                count += kept.count if whole else int(np.sum(kept.instants(self.spool) >= first))
+                whole = self.first <= kept.first.t[0]
+                rows = kept.count if whole else np.sum(kept.instants(self.spool) >= self.first)
+                count += int(rows)
         return count
 
     def _ratio(self) -> int:
@@ -252,23 +253,6 @@ WHOLE_ONLY = ("validation", "test", "inputs", "robust")
 """Fields of `Settings` that need a log held in memory."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class StreamedPart:
-    """One part of a streamed log."""
-
-    blocks: Blocks  # blocks of its rows, or of those of the training part, which include it
-    span: tuple[float, float]  # first and last instant of its prepared rows [s]
-    first: float = -np.inf  # first instant that is taken of the blocks [s]
-
-    def recordings(self) -> Iterator[Recording]:
-        """Prepared rows, one block at a time in the order of time."""
-        return self.blocks.parts(self.first, np.inf)
-
-    def count(self) -> int:
-        """Number of prepared rows."""
-        return self.blocks.count(self.first)
-
-
 def parts_of_log(
     log: StreamedRecording,
     lib: Library,
@@ -277,7 +261,7 @@ def parts_of_log(
     shares: Split,
     is_joined: bool = False,
     rate_hz: float | None = None,
-) -> dict[str, StreamedPart]:
+) -> dict[str, Blocks]:
     """Divide a streamed log into its parts."""
     start = float(log.instants([0], REACH)[0])
     end = float(log.block(max(log.rows - REACH, 0), log.rows).t[-1])
@@ -291,7 +275,7 @@ def parts_of_log(
     def row(share: float) -> int:
         return log.rows if share == 1.0 else first_row(share_of, log.rows, share)
 
-    def part(name: str, share: tuple[float, float]) -> StreamedPart:
+    def part(name: str, share: tuple[float, float]) -> Blocks:
         rows = row(share[0]), row(share[1])
         if rows[0] >= rows[1]:
             raise RecordingError(
@@ -305,14 +289,14 @@ def parts_of_log(
             span[0] if guarded and share[0] > 0.0 else -np.inf,
             span[1] if guarded and share[1] < 1.0 else np.inf,
         )
-        return StreamedPart(blocks_of(log, lib, short, terms, rows, kept, rate), span)
+        return replace(blocks_of(log, lib, short, terms, rows, kept, rate), span=span)
 
     train = part("train", shares.joined() if is_joined else shares.train)
     if shares.is_everything:
         return dict.fromkeys(("train", "validation", "test"), train)
     if is_joined:
         low = validation_start(shares, train.span)
-        validation = StreamedPart(train.blocks, (low, train.span[1]), low)
+        validation = replace(train, span=(low, train.span[1]), first=low)
     else:
         validation = part("validation", shares.validation)
     return {"train": train, "validation": validation, "test": part("test", shares.test)}
@@ -394,7 +378,7 @@ def assemble_streamed(
     )
     counts = {name: part.count() for name, part in whole.items()}
     spans = {name: part.span for name, part in whole.items()}
-    blocks = {id(part.blocks): len(part.blocks) for part in whole.values()}
+    blocks = {id(part.kept): len(part) for part in whole.values()}  # parts may share them
     note = (
         f"streamed {log.rows} rows in {sum(blocks.values())} blocks: the first fit uses all "
         f"{counts['train']} training samples, the torque error all {counts['test']} test samples; "
@@ -411,19 +395,18 @@ def assemble_streamed(
     return replace(assembly, source_note=note, finish=finish)
 
 
-def _windows(part: StreamedPart, name: str) -> Recording:
+def _windows(blocks: Blocks, name: str) -> Recording:
     """Windows spread evenly over a part, joined to one recording with gaps in time.
 
     All blocks of the part are prepared and stored, since the passes that follow need them.
     """
-    blocks = part.blocks
-    within = blocks.within(part.first, np.inf)
+    within = blocks.within()
     chosen = set(np.linspace(within.start, within.stop - 1, WINDOWS).round().astype(int).tolist())
     windows = []
     for index, block in zip(within, blocks.in_order(within), strict=True):
         if block is None or index not in chosen:
             continue
-        inside = np.flatnonzero(block.t >= part.first)[:LENGTH]
+        inside = np.flatnonzero(block.t >= blocks.first)[:LENGTH]
         if inside.size:
             windows.append(block.take(inside, "Took a window."))
     if not windows:

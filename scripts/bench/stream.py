@@ -128,7 +128,7 @@ def child(robot: str, path: str) -> None:
         log.block(first, last)
     again = time.process_time() - start - read
     start, count = time.process_time(), 0
-    for part in blocks.parts(-np.inf, np.inf):
+    for part in blocks.recordings():
         count += len(part)
     prepare = time.process_time() - start - again
     samples = samples_of(result.train, lib)

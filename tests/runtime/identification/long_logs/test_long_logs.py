@@ -54,7 +54,7 @@ def _small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def streamed_factor(path: Path, lib: Library, weights: np.ndarray) -> Statistics:
     train = parts_of_log(open_streamed(path), lib, PREPARATION, FRICTION, Split())["train"]
-    assert len(train.blocks) > 3
+    assert len(train) > 3
     return compress_all(lib, (samples_of(part, lib) for part in train.recordings()), weights)
 
 
@@ -136,7 +136,7 @@ def test_blocks_of_two_threads_are_those_of_one(lib, log, tmp_path, monkeypatch)
         monkeypatch.setattr(threads, "cores", lambda count=count: count)
         facts = blocks_of(open_streamed(tmp_path / "x.csv"), lib, PREPARATION, FRICTION)
         assert len(facts) > 8
-        first, again = (list(facts.parts(-np.inf, np.inf)) for _ in range(2))
+        first, again = (list(facts.recordings()) for _ in range(2))
         assert [len(a) for a in first] == [len(a) for a in again]
         answers.append([part.required("tau") for part in (*first, *again)])
     for one, two in zip(*answers, strict=True):
@@ -145,7 +145,7 @@ def test_blocks_of_two_threads_are_those_of_one(lib, log, tmp_path, monkeypatch)
         open_streamed(tmp_path / "x.csv"), lib, replace(PREPARATION, cutoff_hz=1e4), FRICTION
     )
     with pytest.raises(RecordingError, match="cutoff_hz"):
-        list(refused.parts(-np.inf, np.inf))
+        list(refused.recordings())
 
 
 def test_corrupt_rows_and_units_are_corrected_in_every_block(lib, log, tmp_path):
@@ -163,7 +163,7 @@ def test_corrupt_rows_and_units_are_corrected_in_every_block(lib, log, tmp_path)
         }
     )
     facts = blocks_of(open_streamed(tmp_path / "x.npz", recipe), lib, PREPARATION, FRICTION)
-    parts = list(facts.parts(-np.inf, np.inf))
+    parts = list(facts.recordings())
     whole = prepare(log, PREPARATION, FRICTION, lib=lib)
     t = np.concatenate([part.t for part in parts])
     assert t == pytest.approx(whole.t, abs=1e-9)

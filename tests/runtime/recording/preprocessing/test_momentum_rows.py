@@ -258,7 +258,7 @@ def test_blocks_of_a_streamed_log(lib, tmp_path, monkeypatch):
     log, usual = moving(lib, 6000), at(10.0, rate_hz=100.0, max_gap_s=6e-3)
     write_recording(log, tmp_path / "x.npz")
     streamed = open_streamed(tmp_path / "x.npz")
-    parts = list(blocks_of(streamed, lib, usual, PLAIN).parts(-np.inf, np.inf))
+    parts = list(blocks_of(streamed, lib, usual, PLAIN).recordings())
     whole = prepare(log, usual, PLAIN, lib=lib)
     assert len(parts) > 2
     for key in ("t", "rows", "tau", "columns"):

@@ -99,27 +99,6 @@ class GainRows:
         return J
 
 
-def gain_rows(base: Array, current: Array, lib: Library, known: Array, kg: Array) -> GainRows:
-    """Rows on one triangle per channel.
-
-    base (N, n, n_b), current (N, n) [A], known (m, 10 n), kg (m,) [kg].
-    """
-    spread = bodies_of(lib).spread(prior_of(lib, lib.pi0).centre) / np.sqrt(CAD)
-    root = np.asarray(block_diag(*spread))
-    rows = np.concatenate([base, current[:, :, None]], axis=2).swapaxes(0, 1)
-    triangles = np.asarray(np.linalg.qr(rows, mode="r"))
-    slopes = triangles[:, :, :-1]
-    return GainRows(
-        slopes=slopes @ (lib.base_matrix @ root),
-        model=slopes @ (lib.base_matrix @ lib.pi0),
-        current=triangles[:, :, -1],
-        root=root,
-        known=known @ root / (SCALE * kg)[:, None],
-        surplus=(kg - known @ lib.pi0) / (SCALE * kg),
-        count=len(base),
-    )
-
-
 def _slopes(reduced: GainRows, z: Array) -> Array:
     """c of least squares at π = π0 + R z, (n,)."""
     model = reduced.model + reduced.slopes @ z
@@ -227,7 +206,20 @@ def current_gains(
     rows, channels = _rows(recording, lib, friction or Friction(DRIVE), preparation)
     known = np.array([each.row(lib) for each in weighed]).reshape(-1, lib.n_links * N_PARAMETERS)
     kg = np.array([each.kg for each in weighed])
-    reduced = gain_rows(rows.base, rows.current, lib, known, kg)
+    # One triangle per channel, over z with π = π0 + R z.
+    spread_of_links = bodies_of(lib).spread(prior_of(lib, lib.pi0).centre) / np.sqrt(CAD)
+    root = np.asarray(block_diag(*spread_of_links))
+    whole = np.concatenate([rows.base, rows.current[:, :, None]], axis=2).swapaxes(0, 1)
+    triangles = np.asarray(np.linalg.qr(whole, mode="r"))
+    reduced = GainRows(
+        slopes=triangles[:, :, :-1] @ (lib.base_matrix @ root),
+        model=triangles[:, :, :-1] @ (lib.base_matrix @ lib.pi0),
+        current=triangles[:, :, -1],
+        root=root,
+        known=known @ root / (SCALE * kg)[:, None],
+        surplus=(kg - known @ lib.pi0) / (SCALE * kg),
+        count=len(rows.base),
+    )
     z, c = most_probable(reduced)
     # The density of the noise weighs the data against the prior, and needs a first fit.
     density = _density(rows, lib.base_matrix @ (lib.pi0 + reduced.root @ z), c, reduced.noise(z, c))

@@ -37,6 +37,7 @@ from runtime.identification.settings import (
     Progress,
     Settings,
     bare_settings,
+    require_default,
     shares_of,
     terms_of,
 )
@@ -345,7 +346,7 @@ def assemble_streamed(
 ) -> Assembly:
     """Assemble the problem of a log that stays in its file."""
     chosen = bare_settings(settings, keywords)
-    chosen.require_default(WHOLE_ONLY, "a streamed log")
+    require_default(chosen, WHOLE_ONLY, "a streamed log")
     method = chosen_method(chosen.method, chosen.preset, chosen.prior)
     require_streamable(method, chosen.preset)
     recipe = log.recipe

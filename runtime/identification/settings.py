@@ -121,23 +121,16 @@ class Settings:
                 "effect; put it into the preparation, or leave the preparation out"
             )
 
-    def require_default(self, names: tuple[str, ...], task: str) -> None:
-        """Refuse fields that a task cannot use.
 
-        Args:
-            names: fields that must keep their default.
-            task: the task as the subject of the message, such as "a streamed log".
-
-        Raises:
-            IdentificationError: one of the fields has been set.
-        """
-        default = Settings()
-        given = [name for name in names if getattr(self, name) is not getattr(default, name)]
-        if given:
-            raise IdentificationError(
-                f"{task} takes no {', '.join(given)}; leave {'it' if len(given) == 1 else 'them'} "
-                "out of the settings"
-            )
+def require_default(settings: Settings, names: Sequence[str], task: str) -> None:
+    """Refuse fields that a task cannot use; the task is the subject of the message."""
+    default = Settings()
+    given = [name for name in names if getattr(settings, name) is not getattr(default, name)]
+    if given:
+        raise IdentificationError(
+            f"{task} takes no {', '.join(given)}; leave {'it' if len(given) == 1 else 'them'} "
+            "out of the settings"
+        )
 
 
 def cutoff_of(stated: float | str | None) -> float | None:
@@ -207,7 +200,7 @@ def bare_settings(settings: Settings | str | None, keywords: Mapping[str, Any]) 
     if not isinstance(settings, Settings):
         keywords = {"refit": False, **keywords}
     chosen = settings_from(settings, keywords)
-    chosen.require_default(CHOSEN, "a fit of prepared rows")
+    require_default(chosen, CHOSEN, "a fit of prepared rows")
     return chosen
 
 

@@ -28,7 +28,14 @@ from runtime.identification.metrics import torque_error
 from runtime.identification.payload.body import read_payload_facts
 from runtime.identification.problem_setup import Assembly, FitOfAssembly, Parts, assembled
 from runtime.identification.result_record import LeftOutPart, RepeatabilityPart, SessionsPart
-from runtime.identification.settings import SILENT, Progress, Settings, shares_of, terms_of
+from runtime.identification.settings import (
+    SILENT,
+    Progress,
+    Settings,
+    require_default,
+    shares_of,
+    terms_of,
+)
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, link_columns, links, mass
 from runtime.recording import Friction, Preparation, Recording
@@ -230,7 +237,7 @@ def assemble_logs(
     is_joined: bool = False,
 ) -> Assembly:
     """Assemble the problem of several logs, each split like a single one."""
-    settings.require_default(ONE_LOG_ONLY, "a fit of several logs")
+    require_default(settings, ONE_LOG_ONLY, "a fit of several logs")
     names = _names(logs, chosen_method(settings.method, settings.preset, settings.prior))
     first = logs[0].recording
     terms = geared(terms_of(first, settings), first, lib)

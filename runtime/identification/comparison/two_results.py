@@ -39,7 +39,18 @@ class TwoResults:
 def compare_results(a: SavedResult, b: SavedResult, names: tuple[str, str]) -> TwoResults:
     """Tables and sentences on two results of the same frames, whose headings are `names`."""
     first, second = a.record, b.record
-    notes = _same_frames(first, second, names)
+    both_names, advice = f"'{names[0]}' and '{names[1]}'", "compare two results of one robot"
+    if first.joints != second.joints or first.is_free != second.is_free:
+        raise RecordingError(
+            f"{both_names} have other joints ({first.robot}, {second.robot}); {advice}"
+        )
+    notes = [f"{both_names}: an old result does not state its model; the frames are taken as equal"]
+    if first.model is not None and second.model is not None:
+        links = [f"of {each.name}" for each in first.links]
+        kinds = differences(first.model, second.model, names, links)
+        if fault := next((sentence for kind, sentence in kinds if kind == FRAMES), None):
+            raise RecordingError(f"{fault}; {advice}")
+        notes = [sentence for _, sentence in kinds]
     if a.row_marks is not None and b.row_marks is not None:
         pair = (a.row_marks, b.row_marks)
         shared = max(share_of_rows(*pair), share_of_rows(*reversed(pair)))
@@ -62,21 +73,6 @@ def compare_results(a: SavedResult, b: SavedResult, names: tuple[str, str]) -> T
         sentences=tuple(sentence for _, sentence in parts),
         notes=tuple(notes),
     )
-
-
-def _same_frames(a: ResultRecord, b: ResultRecord, names: tuple[str, str]) -> list[str]:
-    """Notes on the models; other joints or frames are refused."""
-    both = f"'{names[0]}' and '{names[1]}'"
-    advice = "compare two results of one robot"
-    if a.joints != b.joints or a.is_free != b.is_free:
-        raise RecordingError(f"{both} have other joints ({a.robot}, {b.robot}); {advice}")
-    one, two = a.model, b.model
-    if one is None or two is None:
-        return [f"{both}: an old result does not state its model; the frames are taken as equal"]
-    notes = differences(one, two, names, [f"of {each.name}" for each in a.links])
-    if fault := next((sentence for kind, sentence in notes if kind == FRAMES), None):
-        raise RecordingError(f"{fault}; {advice}")
-    return [sentence for _, sentence in notes]
 
 
 def _facts(record: ResultRecord) -> tuple[tuple[str, str], ...]:

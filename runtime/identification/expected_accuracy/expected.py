@@ -132,7 +132,8 @@ def expected(
 ) -> Expected:
     """Standard deviations that identification reaches with given samples."""
     whole = _rows(lib, statistics, known.earlier, unit)
-    base = covariance_of_rows(whole[:, list(lib.base_columns)])
+    over_base = whole[:, list(lib.base_columns)]
+    base = covariance(over_base.T @ over_base)  # None where rows are rank deficient to rounding
     spread = spread_of(known.prior.bodies, known.pi, whole, known.kappa)
     root = spread.root if known.error is None else np.column_stack([spread.root, known.error])
     base_map = np.linalg.norm(lib.base_matrix @ root, axis=1)
@@ -152,18 +153,14 @@ def expected(
     )
 
 
-def covariance_of_rows(rows: Array) -> Array | None:
-    """(AᵀA)⁻¹ of rows A, None where A is rank deficient to rounding."""
-    return covariance(rows.T @ rows)
-
-
 def _payload(
     lib: Library, statistics: Statistics, known: Knowledge, unit: float, columns: tuple[str, ...]
 ) -> Array | None:
     """Covariance of the ten parameters of the last link, with known friction and free offsets."""
     earlier = known.earlier if known.payload_only else None
     free = _with_offsets(lib, statistics, columns)
-    return covariance_of_rows(_rows(lib, free, earlier, unit)[:, -N_PARAMETERS:])
+    rows = _rows(lib, free, earlier, unit)[:, -N_PARAMETERS:]
+    return covariance(rows.T @ rows)
 
 
 def _arm_error(

@@ -119,8 +119,22 @@ def assemble(
     usual = preparation or recording.preparation
     is_cut = chosen.test is None
     is_joined = is_joined and chosen.validation is None
+
+    def prepared(part: Recording, steps: Preparation | None) -> Recording:
+        return _prepared(part, steps, terms, lib)
+
+    validation, test = chosen.validation, chosen.test
+    if (validation is None) != (test is None):
+        raise IdentificationError("give both a validation and a test recording, or neither")
+    if validation is not None and test is not None:
+        first, second, third = (
+            prepared(each, preparation) for each in (recording, validation, test)
+        )
+        parts = first, second, third
+    else:
+        parts = prepared_parts(recording, shares_of(recording, chosen), usual, prepared, is_joined)
     assembly = assembled(
-        _parts(recording, lib, chosen, terms, is_joined),
+        parts,
         lib,
         chosen,
         terms,
@@ -204,28 +218,6 @@ def assembled(
         pieces=None if pieces is None else rows,
         notes=left_out_note(rounding, lib.joint_names, names),
         is_joined=is_joined,
-    )
-
-
-def _parts(
-    recording: Recording, lib: Library, settings: Settings, terms: Friction, is_joined: bool
-) -> Parts:
-    """Prepared training, validation and test recording."""
-    validation, test = settings.validation, settings.test
-    if (validation is None) != (test is None):
-        raise IdentificationError("give both a validation and a test recording, or neither")
-    if validation is not None and test is not None:
-        first, second, third = (
-            _prepared(each, settings.preparation, terms, lib)
-            for each in (recording, validation, test)
-        )
-        return first, second, third
-    return prepared_parts(
-        recording,
-        shares_of(recording, settings),
-        settings.preparation or recording.preparation,
-        lambda part, preparation: _prepared(part, preparation, terms, lib),
-        is_joined,
     )
 
 

@@ -238,7 +238,18 @@ def assemble_logs(
 ) -> Assembly:
     """Assemble the problem of several logs, each split like a single one."""
     require_default(settings, ONE_LOG_ONLY, "a fit of several logs")
-    names = _names(logs, chosen_method(settings.method, settings.preset, settings.prior))
+    names = tuple(log.name for log in logs)
+    if len(set(names)) < max(len(names), 2):
+        raise IdentificationError(
+            f"expected two logs or more with different names, got {', '.join(names)}; rename or "
+            "add one"
+        )
+    method = chosen_method(settings.method, settings.preset, settings.prior)
+    if not require_method(method).from_statistics:
+        raise IdentificationError(
+            f"'{method}' needs the samples of one run and cannot join several logs; use one of "
+            f"{', '.join(methods_from_statistics())}"
+        )
     first = logs[0].recording
     terms = geared(terms_of(first, settings), first, lib)
     shared = tuple(name for name in terms.columns if name != OFFSET)
@@ -283,37 +294,16 @@ def assemble_logs(
 
     train, validation, test = (joined([each[k] for each in cut], names, names) for k in range(3))
     assembly = assembly_of((train, validation, test))
-    notes = (*assembly.notes, *_unlike([each[0] for each in cut], names))
+    notes = assembly.notes
+    # Each log has its delay.
+    ways = [replace(each[0].prepared or Preparation(), torque_delay_s=None) for each in cut]
+    if others := [name for each, name in zip(ways, names, strict=True) if each != ways[0]]:
+        notes += (
+            f"prepared in another way than {names[0]}: {', '.join(others)}; the result states the "
+            f"preparation of {names[0]}; give one recipe, or --cutoff and the setting rate, for "
+            "all logs",
+        )
     return replace(assembly, logs=names, notes=notes, finish=finish)
-
-
-def _names(logs: Sequence[NamedLog], method: str) -> tuple[str, ...]:
-    """Names of the logs, after the check that there are two or more and the method suits them."""
-    names = tuple(log.name for log in logs)
-    if len(set(names)) < max(len(names), 2):
-        raise IdentificationError(
-            f"expected two logs or more with different names, got {', '.join(names)}; rename or "
-            "add one"
-        )
-    if not require_method(method).from_statistics:
-        raise IdentificationError(
-            f"'{method}' needs the samples of one run and cannot join several logs; use one of "
-            f"{', '.join(methods_from_statistics())}"
-        )
-    return names
-
-
-def _unlike(prepared: Sequence[Recording], names: Sequence[str]) -> tuple[str, ...]:
-    """Sentence on logs that are prepared in another way than the first; each has its delay."""
-    steps = [replace(log.prepared or Preparation(), torque_delay_s=None) for log in prepared]
-    others = [name for each, name in zip(steps, names, strict=True) if each != steps[0]]
-    if not others:
-        return ()
-    return (
-        f"prepared in another way than {names[0]}: {', '.join(others)}; the result states the "
-        f"preparation of {names[0]}; give one recipe, or --cutoff and the setting rate, for all "
-        f"logs",
-    )
 
 
 def _bare(log: NamedLog, lib: Library) -> tuple[Recording, Preparation]:

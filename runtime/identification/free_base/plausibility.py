@@ -181,8 +181,18 @@ _NEAR = 0.25
 
 def require_contact_conventions(lib: Library, motion: FreeBaseMotion, name: str) -> None:
     """Refuse wrenches under names of other contacts, in other axes, halves or units."""
-    _require_newtons(lib, motion, name)
     contacts = motion.contacts
+    vertical = contacts.wrench[..., VERTICAL]
+    if contacts.axes == "world" and contacts.links and not np.isnan(vertical).any():
+        # The mean of the vertical forces is the weight of the URDF, or it has another unit.
+        mean = float(vertical.sum(axis=1).mean())
+        weight = float(mass(links(lib.pi0)).sum()) * float(np.linalg.norm(lib.gravity))
+        for unit, factor in _UNITS.items():
+            if abs(mean * factor - weight) < _NEAR * weight:
+                raise IdentificationError(
+                    f"{name}: the vertical forces are {mean:.3g} in the mean, and the URDF weighs "
+                    f"{weight:.3g} N; the forces look like {unit}, expected N; convert them"
+                )
     known = np.flatnonzero(~np.isnan(contacts.wrench).any(axis=(1, 2)))
     if not contacts.links or known.size < 2:
         return
@@ -211,24 +221,6 @@ def require_torque_sign(lib: Library, motion: FreeBaseMotion, name: str) -> None
             f"{name}: tau is opposite to the torques that move the URDF, expected those that the "
             "drives apply to the joints; change its sign"
         )
-
-
-def _require_newtons(lib: Library, motion: FreeBaseMotion, name: str) -> None:
-    """Refuse vertical forces whose mean is the weight of the URDF in another unit."""
-    contacts = motion.contacts
-    if contacts.axes != "world" or not contacts.links:
-        return
-    vertical = contacts.wrench[..., VERTICAL]
-    if np.isnan(vertical).any():
-        return
-    mean = float(vertical.sum(axis=1).mean())
-    weight = float(mass(links(lib.pi0)).sum()) * float(np.linalg.norm(lib.gravity))
-    for unit, factor in _UNITS.items():
-        if abs(mean * factor - weight) < _NEAR * weight:
-            raise IdentificationError(
-                f"{name}: the vertical forces are {mean:.3g} in the mean, and the URDF weighs "
-                f"{weight:.3g} N; the forces look like {unit}, expected N; convert them"
-            )
 
 
 def _force(jacobian: Array, wrench: Array) -> Array:

@@ -153,7 +153,7 @@ def test_stretches_of_a_long_log_hold_its_information(
     # Oracle: the variance of φ is that at known delay and what the delay moves; S of one column
     # more differs by less than 5 %. The links of the result have the columns of the delay, too. The
     # scatter of blocks widens the delay alone and is left out.
-    monkeypatch.setattr(feedback, "_widening", lambda *given: np.ones(len(given[3])))
+    monkeypatch.setattr(feedback, "_widening", lambda *given: np.ones(len(given[2])))
     step, alone = (
         linearised(result, each, bias=np.zeros(1), kappa=CAD) for each in (request, DriveRequest())
     )

@@ -1,15 +1,14 @@
 """`symgen excite`: one motion, the shortest session, several motions, or poses at rest."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rich.progress import Progress
 
-from runtime.campaign.shortest_session import shortest_session, target_of
+from runtime.campaign.shortest_session import PlannedSession, shortest_session, target_of
 from runtime.cli.approach import SessionPlan, session_plan
 from runtime.cli.common import open_robot
 from runtime.cli.excite_settings import POSES, ExciteSettings
@@ -64,42 +63,6 @@ def search_progress(criterion: str, starts: int) -> Iterator[Callable[[int, floa
             progress.update(task, completed=done, description=text)
 
         yield report
-
-
-def with_shown_unknowns(
-    lib: Library, settings: DesignSettings, planned: Information
-) -> tuple[DesignSettings, Information]:
-    """Settings and information without parameters that no motion shows, which a note names."""
-    settings, planned, note = without_unseen(lib, settings, planned)
-    if note:
-        say(note)
-    return settings, planned
-
-
-def write_design(
-    lib: Library,
-    optimum: Design,
-    planned: Information,
-    ways: SessionPlan,
-    given: ExciteSettings,
-    path: Path,
-    session: dict[str, Any] | None,
-    note: str,
-    sentences: Callable[[Design], Iterable[str]],
-) -> None:
-    """Write a designed motion; print its criteria, certificate and the names of its files."""
-    inside = pulled_inside(lib, optimum.trajectory, share=given.share)
-    optimum = replace(optimum, trajectory=inside)
-    expected = predict(lib, optimum.trajectory, planned, planned.friction or FRICTION)
-    write_trajectory(optimum, lib, path, expected, ways.parts, session)
-    motion = certified(lib, ways.around(optimum.trajectory), optimum.safety)
-    written = [path, *given.write_samples(motion, path, designed_by(optimum))]
-    if given.pictures:
-        written += write_pictures(profile_of(motion), path.with_suffix(".png"))
-    print_design(optimum, expected, lib, note)
-    for sentence in sentences(optimum):
-        say(sentence)
-    given.write_stages(motion, path, written)
 
 
 def search_notes(best: Design, budget: float | None, starts: int) -> tuple[str, ...]:
@@ -192,32 +155,62 @@ def prediction_sentences(prediction: Prediction, units: Sequence[str]) -> tuple[
     return (*lines, *(f"note: {note}" for note in prediction.notes))
 
 
-def searched(
+def excite_one(
     lib: Library,
     given: ExciteSettings,
-    settings: DesignSettings,
-    ways: SessionPlan,
-    known: Information,
-    progress: Callable[[int, float, float], None],
-) -> tuple[Design, dict[str, Any], tuple[str, ...]]:
-    """Design of the settings, or of the shortest session for --until."""
-    search = {"progress": progress, **given.search}
-    if given.until is None:
-        return design(lib, settings, **search), {}, ()
-    require_gain_error(given.gain_error)
-    error, target = ModelError(gain=given.gain_error), target_of(given.until)
-    session = shortest_session(lib, target, settings, known, error, ways.around, **search)
-    facts = session.facts()
-    whole = ways.around(session.design.trajectory).duration
-    seconds = f"session: {_times(ways, session.design.trajectory)} = {whole:.3g} s"
-    if facts["runs"] > 1:
+    chosen: DesignSettings,
+    planned: Information,
+    path: Path,
+    note: str,
+) -> None:
+    """Design one motion with its ways and write it; print what its log will show."""
+    given.require_new(path, given.pictures)
+    ways = session_plan(lib, given, chosen.home, chosen.safety, given.share, given.zero_jerk)
+    session: PlannedSession | None = None
+    with search_progress(chosen.criterion, given.starts) as report:
+        search = {"progress": report, **given.search}
+        if given.until is None:
+            best = design(lib, chosen, **search)
+        else:
+            require_gain_error(given.gain_error)
+            error, target = ModelError(gain=given.gain_error), target_of(given.until)
+            session = shortest_session(lib, target, chosen, planned, error, ways.around, **search)
+            best = session.design
+    facts = None
+    if session is not None:
+        whole = ways.around(best.trajectory).duration
+        facts = {"promise": session.facts() | {"session_s": whole}}
+    optimum = replace(best, trajectory=pulled_inside(lib, best.trajectory, share=given.share))
+    expected = predict(lib, optimum.trajectory, planned, planned.friction or FRICTION)
+    write_trajectory(optimum, lib, path, expected, ways.parts, facts)
+    motion = certified(lib, ways.around(optimum.trajectory), optimum.safety)
+    written = [path, *given.write_samples(motion, path, designed_by(optimum))]
+    if given.pictures:
+        written += write_pictures(profile_of(motion), path.with_suffix(".png"))
+    print_design(optimum, expected, lib, note)
+    notes = [*search_notes(optimum, given.budget, given.starts)]
+    if session is None:
+        notes += design_notes(lib, given.duration, optimum.trajectory.duration)
+    notes += ways.sentences(optimum.trajectory)
+    if session is not None:
+        notes += session_notes(ways, session)
+    for sentence in notes:
+        say(sentence)
+    given.write_stages(motion, path, written)
+
+
+def session_notes(ways: SessionPlan, session: PlannedSession) -> tuple[str, ...]:
+    """Sentences on the shortest session: its error, its duration, and what was tried."""
+    motion = session.design.trajectory
+    whole = ways.around(motion).duration
+    seconds = f"session: {_times(ways, motion)} = {whole:.3g} s"
+    if session.facts()["runs"] > 1:
         seconds += f", twice: {2 * whole:.3g} s"
     tried = ", ".join(
-        f"{seconds_:.3g} s {session.target.shown(sigma)}"
-        for seconds_, sigma in sorted(session.attempts.items())
+        f"{taken:.3g} s {session.target.shown(sigma)}"
+        for taken, sigma in sorted(session.attempts.items())
     )
-    sentences = (session.sentence(), seconds, f"tried: {tried}")
-    return session.design, {"promise": facts | {"session_s": whole}}, sentences
+    return (session.sentence(), seconds, f"tried: {tried}")
 
 
 def _times(ways: SessionPlan, motion: Trajectory) -> str:
@@ -335,22 +328,11 @@ def excite_command(given: ExciteSettings) -> None:
     path = json_path(given.out or Path("results") / f"{lib.name}-excite.json")
     chosen, planned, note = given.designed(lib, safety)
     given.require_possible(lib, given.duration, safety)
-    chosen, planned = with_shown_unknowns(lib, chosen, planned)
+    chosen, planned, unseen = without_unseen(lib, chosen, planned)
+    if unseen:
+        say(unseen)
     if given.motions > 1:
         excite_several(lib, given, chosen, planned, path)
-        given.write(path)
-        return
-    given.require_new(path, given.pictures)
-    ways = session_plan(lib, given, chosen.home, safety, given.share, given.zero_jerk)
-    with search_progress(chosen.criterion, given.starts) as report:
-        optimum, session, of_session = searched(lib, given, chosen, ways, planned, report)
-
-    def sentences(best: Design) -> Iterator[str]:
-        yield from search_notes(best, given.budget, given.starts)
-        if given.until is None:
-            yield from design_notes(lib, given.duration, best.trajectory.duration)
-        yield from ways.sentences(best.trajectory)
-        yield from of_session
-
-    write_design(lib, optimum, planned, ways, given, path, session, note, sentences)
+    else:
+        excite_one(lib, given, chosen, planned, path, note)
     given.write(path)

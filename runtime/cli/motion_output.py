@@ -1,6 +1,6 @@
 """Files of planned motions: samples, stages with their certificates, and exports."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -98,11 +98,23 @@ class MotionChoices(LimitChoices):
         formats = [MOTION_FORMATS[name].name for name in self.export or ()]
         if formats:
             require_consent(unchecked_limits(lib, safety), self.accepted)
-        require_stages(duration, self.percents)
+        slowest = min(require_speed(percent / 100) for percent in self.percents)
+        if duration / slowest > LONGEST:
+            raise RuntimeFault(
+                f"expected stages up to {LONGEST:g} s, but --speed {100 * slowest:g} makes the "
+                f"motion of {duration:g} s {duration / slowest:.3g} s long; give a larger --speed"
+            )
 
     def require_new(self, path: Path, pictures: bool = False) -> None:
         """Refuse to replace files of a motion without consent."""
-        files = files_of(path, self.export or (), self.percents, pictures)
+        files = [path, settings_place(path)]
+        if pictures:
+            files += picture_paths(path.with_suffix(".png"))
+        if not self.export:
+            files.append(path.with_suffix(SAMPLED))
+        suffixes = [*(MOTION_FORMATS[name].suffix for name in self.export or ()), CERTIFICATE]
+        for stem in [_stem(path, percent) for percent in self.percents] if self.export else []:
+            files += [stem.with_name(stem.name + suffix) for suffix in suffixes]
         consent = "--overwrite" if "overwrite" in self.options else "--settings overwrite=true"
         require_unused(files, self.overwrite, consent=consent)
 
@@ -114,52 +126,32 @@ class MotionChoices(LimitChoices):
         """
         if self.export:
             return []
-        return [write_motion_log(motion, self.rate, path.with_suffix(SAMPLED), sentence)]
+        path = path.with_suffix(SAMPLED)
+        t = sample_times(motion.trajectory.duration, self.rate)
+        q, dq, ddq, _ = motion.trajectory.at(motion.lib, t)
+        names = motion.lib.joint_names
+        log = Recording(t, q, dq, ddq, name=path.stem, joint_names=names, history=(sentence,))
+        write_recording(log, path)
+        return [path]
 
     def write_stages(self, motion: CertifiedMotion, path: Path, written: Sequence[Path]) -> None:
-        """Print the certificate of every stage and the files; write those for a robot."""
+        """Print the certificate of every stage and the files; write those for a robot.
+
+        Files of a robot are those of every stage, or none unless the certificates of all hold.
+        """
         stages = certified_stages(motion, self.percents)
         say(f"trajectory: {', '.join(map(str, written))}")
-        if self.export:
-            base = path.with_suffix("")
-            export_stages(stages, base, self.export, self.export_rate, self.accepted)
-
-
-def require_stages(duration: float, percents: Sequence[float]) -> None:
-    """Refuse speeds of stages that no motion of a duration has."""
-    shares = [require_speed(percent / 100) for percent in percents]
-    slowest = duration / min(shares)
-    if slowest > LONGEST:
-        raise RuntimeFault(
-            f"expected stages up to {LONGEST:g} s, but --speed {100 * min(shares):g} makes the "
-            f"motion of {duration:g} s {slowest:.3g} s long; give a larger --speed"
-        )
-
-
-def files_of(
-    path: Path, formats: Collection[str], speeds: Sequence[float], pictures: bool
-) -> tuple[Path, ...]:
-    """Files that `excite` writes."""
-    files = [path, settings_place(path)]
-    if pictures:
-        files += picture_paths(path.with_suffix(".png"))
-    if not formats:
-        files.append(path.with_suffix(SAMPLED))
-    suffixes = [*(MOTION_FORMATS[name].suffix for name in formats), CERTIFICATE]
-    for stem in [_stem(path.with_suffix(""), percent) for percent in speeds] if formats else []:
-        files += [stem.with_name(stem.name + suffix) for suffix in suffixes]
-    return tuple(files)
-
-
-def write_motion_log(motion: CertifiedMotion, rate: float, path: Path, sentence: str) -> Path:
-    """Write a motion, sampled at the rate, as a log without torque."""
-    t = sample_times(motion.trajectory.duration, rate)
-    q, dq, ddq, _ = motion.trajectory.at(motion.lib, t)
-    names = motion.lib.joint_names
-    write_recording(
-        Recording(t, q, dq, ddq, name=path.stem, joint_names=names, history=(sentence,)), path
-    )
-    return path
+        if not self.export:
+            return
+        for stage in stages.values():
+            stage.require_limits()
+        for percent, stage in stages.items():
+            stem = _stem(path, percent)
+            files = [
+                str(export_trajectory(stage, stem, kind, self.export_rate, self.accepted))
+                for kind in self.export
+            ]
+            say(f"exported: {', '.join(files)}, {stem}{CERTIFICATE}")
 
 
 def designed_by(optimum: Design) -> str:
@@ -167,18 +159,17 @@ def designed_by(optimum: Design) -> str:
     return f"Designed by symgen, condition number {optimum.condition:.4f}."
 
 
-def at_speed(motion: CertifiedMotion, speed: float) -> CertifiedMotion:
-    """The same path at a fraction of the speed, with the certificate of that speed."""
-    if speed == 1:
-        return motion
-    return certified(motion.lib, motion.trajectory.slowed(speed), motion.safety)
-
-
 def certified_stages(
     motion: CertifiedMotion, percents: Sequence[float]
 ) -> dict[float, CertifiedMotion]:
-    """Print the certificate of every stage."""
-    stages = {percent: at_speed(motion, percent / 100) for percent in percents}
+    """Print the certificate of every stage: the same path at a fraction of the speed."""
+    stages = {}
+    for percent in percents:
+        stage = motion
+        if percent != 100:
+            slow = motion.trajectory.slowed(percent / 100)
+            stage = certified(motion.lib, slow, motion.safety)
+        stages[percent] = stage
     for percent, stage in stages.items():
         for line in certificate_headline(stage.certificate, percent):
             say(line)
@@ -186,24 +177,9 @@ def certified_stages(
     return stages
 
 
-def export_stages(
-    stages: Mapping[float, CertifiedMotion],
-    base: Path,
-    kinds: Sequence[str],
-    rate: float | None,
-    unchecked: Collection[str],
-) -> None:
-    """Write every stage as files for a robot, or none unless the certificates of all hold."""
-    for stage in stages.values():
-        stage.require_limits()
-    for percent, stage in stages.items():
-        stem = _stem(base, percent)
-        files = [str(export_trajectory(stage, stem, kind, rate, unchecked)) for kind in kinds]
-        say(f"exported: {', '.join(files)}, {stem}{CERTIFICATE}")
-
-
-def _stem(base: Path, percent: float) -> Path:
-    """Path without suffix of the files of one speed."""
+def _stem(path: Path, percent: float) -> Path:
+    """Path without suffix of the files of one speed, beside the JSON."""
+    base = path.with_suffix("")
     return base if percent == 100 else base.with_name(f"{base.name}-speed{percent:g}")
 
 

@@ -29,7 +29,7 @@ from runtime.identification.saved_result import read_record
 from runtime.identification.statistics_file import read_predictions
 from runtime.library import Array
 from runtime.library.parameters import PI_NAMES
-from runtime.outputs.report.comparison import comparison_page, method_sections, read_methods
+from runtime.outputs.report.comparison import comparison_page
 from runtime.outputs.report.figures import convergence, mass_change, torques
 from runtime.outputs.report.page import Page, Section, Tile, write_page
 from runtime.recording.friction.columns import DAHL
@@ -469,13 +469,13 @@ def write_report(folder: str | PathLike[str], out: str | PathLike[str] | None = 
     if not isinstance(folder, str | PathLike):
         raise ExportError(f"expected the folder of a result, got {folder!r:.60}")
     folder = Path(folder)
-    methods = read_methods(folder)
+    methods = comparison_page(folder)
     if methods is not None and not (folder / "result.json").exists():
-        shown = comparison_page(methods)
+        shown = methods
     else:
         shown = _page(read_result(folder))
-        if methods is not None:
-            shown = replace(shown, sections=(*shown.sections, *method_sections(methods)))
+        if methods is not None:  # without its provenance
+            shown = replace(shown, sections=(*shown.sections, *methods.sections[:-1]))
     return write_page(shown, folder / "report.html" if out is None else Path(out))
 
 

@@ -86,6 +86,21 @@ class Slope:
 
 
 @dataclass(frozen=True, slots=True)
+class TrendAxis:
+    """Quantity over which changes have slopes."""
+
+    word: str  # name
+    unit: str  # of it
+    x: Array  # of each log; NaN where it is not known
+
+    def slope(self, series: Series) -> Slope | None:
+        """Slope of a series; None where it is not determined."""
+        x = self.x[list(series.at)]
+        known = np.isfinite(x)
+        return slope_of(x[known], series.size[known], series.sigma[known])
+
+
+@dataclass(frozen=True, slots=True)
 class Trends:
     """History of one model."""
 
@@ -98,19 +113,11 @@ class Trends:
     others: int  # number of checks of other models, which are left out
 
     @property
-    def months(self) -> Array:
-        """Months since the first log, (N,)."""
-        return (self.days - self.days[0]) / MONTH
-
-    def over_time(self, series: Series) -> Slope | None:
-        """Slope of a series per month; None where it is not determined."""
-        return slope_of(self.months[list(series.at)], series.size, series.sigma)
-
-    def over_temperature(self, series: Series) -> Slope | None:
-        """Slope of a series per °C; None where it is not determined."""
-        x = self.temperature[list(series.at)]
-        known = np.isfinite(x)
-        return slope_of(x[known], series.size[known], series.sigma[known])
+    def axes(self) -> tuple[TrendAxis, ...]:
+        """Time since the first log, and the temperature where it is known of a log."""
+        time = TrendAxis("time", "month", (self.days - self.days[0]) / MONTH)
+        warmth = TrendAxis("temperature", "°C", self.temperature)
+        return (time, warmth) if np.isfinite(self.temperature).any() else (time,)
 
 
 def trends_of(entries: Sequence[dict[str, Any]]) -> Trends:

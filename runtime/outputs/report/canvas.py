@@ -161,6 +161,11 @@ def page_figure(
         yield figure
 
 
+def heading(figure: "Figure", text: str) -> None:
+    """Write one or several lines above all panels of a picture."""
+    figure.suptitle(text, fontsize=9, x=0.01, ha="left")
+
+
 def svg(figure: "Figure", name: str) -> Markup:
     """<svg> element with page colours, short numbers and unique ids.
 

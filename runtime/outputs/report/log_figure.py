@@ -16,6 +16,7 @@ from runtime.outputs.report.canvas import (
     INK,
     VERMILION,
     blank,
+    heading,
     settings,
     thinned,
 )
@@ -47,12 +48,7 @@ def draw_external_torque(
             axis.set_title(f"{name} [{unit.replace('*', '·')}]")
             axis.margins(x=0)
         axes[-1].set_xlabel("t [s]")
-        figure.suptitle(
-            "external torque (blue), thresholds (grey), contacts (shaded)",
-            fontsize=9,
-            x=0.01,
-            ha="left",
-        )
+        heading(figure, "external torque (blue), thresholds (grey), contacts (shaded)")
         with replacing(path) as file:
             figure.savefig(file, format=suffix)
 
@@ -89,12 +85,7 @@ def draw_growth(growth: Growth, path: Path) -> None:
                 axis.axvspan(*span, color=GREY, alpha=0.25, linewidth=0)
         figure.legend(*masses.get_legend_handles_labels(), loc="outside lower left", ncols=4)
         further = f"; grey: {growth.further}" if growth.seconds[-1] > growth.recorded else ""
-        figure.suptitle(
-            f"{growth.robot}, {growth.motion}, {growth.recorded:.3g} s{further}",
-            fontsize=9,
-            x=0.01,
-            ha="left",
-        )
+        heading(figure, f"{growth.robot}, {growth.motion}, {growth.recorded:.3g} s{further}")
         with replacing(path) as file:
             figure.savefig(file, format=suffix)
 

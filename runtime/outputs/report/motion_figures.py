@@ -24,6 +24,7 @@ from runtime.outputs.report.canvas import (
     SKY,
     VERMILION,
     blank,
+    heading,
     settings,
 )
 
@@ -60,12 +61,7 @@ def draw_space(figure: "Figure", profile: MotionProfile) -> None:
         note = "" if kind not in profile.certificate.unchecked else ": NOT checked"
         axis.set_title(TITLES[kind] + note)
     panels[-1].set_xlabel("time [s]")
-    figure.suptitle(
-        f"{profile.robot}, {profile.t[-1]:g} s: path of the tip and distances",
-        fontsize=9,
-        x=0.01,
-        ha="left",
-    )
+    heading(figure, f"{profile.robot}, {profile.t[-1]:g} s: path of the tip and distances")
 
 
 def _distances(axis: "Axes", profile: MotionProfile, gaps: list[Gap]) -> None:
@@ -233,7 +229,7 @@ def draw_motion(figure: "Figure", profile: MotionProfile) -> None:
     if profile.certificate.unchecked:
         lines.append(f"NOT checked: {', '.join(profile.certificate.unchecked)}")
     head = f"{profile.robot}, {profile.t[-1]:g} s: limits {verdict}"
-    figure.suptitle("\n".join([head, *lines]), fontsize=9, x=0.01, ha="left")
+    heading(figure, "\n".join([head, *lines]))
 
 
 def _unit(profile: MotionProfile, kind: str, joint: int) -> str:
@@ -296,9 +292,4 @@ def draw_speed(figure: "Figure", profile: MotionProfile) -> None:
     for axis in panels[n:]:
         axis.set_axis_off()
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower left", ncols=3)
-    figure.suptitle(
-        f"{profile.robot}, {profile.t[-1]:g} s: velocity over position, with limits",
-        fontsize=9,
-        x=0.01,
-        ha="left",
-    )
+    heading(figure, f"{profile.robot}, {profile.t[-1]:g} s: velocity over position, with limits")

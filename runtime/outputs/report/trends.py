@@ -1,7 +1,6 @@
 """History of `watch` → one page: verdicts, and every estimated change over time and temperature."""
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from itertools import groupby
 from pathlib import Path
@@ -12,8 +11,16 @@ from markupsafe import Markup
 
 from runtime.common.tables import Table
 from runtime.estimators.regression.samples import NORMAL_95
-from runtime.library import Array
-from runtime.monitoring.trends import ALPHA, Series, Slope, Trends, read_history, trends_of
+from runtime.monitoring.trends import (
+    ALPHA,
+    MONTH,
+    Series,
+    Slope,
+    TrendAxis,
+    Trends,
+    read_history,
+    trends_of,
+)
 from runtime.outputs.report.canvas import CYCLE, PAGE_INK, page_figure, svg
 from runtime.outputs.report.page import Page, Section, Tile, write_page
 
@@ -33,23 +40,10 @@ def write_trends(history: Path, out: Path) -> Path:
     return write_page(_page(trends_of(read_history(history)), history.name), out)
 
 
-@dataclass(frozen=True, slots=True)
-class _Axis:
-    """Quantity over which series are shown."""
-
-    word: str
-    unit: str
-    x: Array
-    slope: Callable[[Series], Slope | None]
-
-
 def _page(trends: Trends, name: str) -> Page:
-    axes = [_Axis("time", "month", trends.months, trends.over_time)]
-    if np.isfinite(trends.temperature).any():
-        axes.append(_Axis("temperature", "°C", trends.temperature, trends.over_temperature))
     slopes = [
         (axis, series, slope)
-        for axis in axes
+        for axis in trends.axes
         for series in trends.series
         if (slope := axis.slope(series)) is not None
     ]
@@ -77,17 +71,17 @@ def _page(trends: Trends, name: str) -> Page:
                 "bad" if significant else "good",
             ),
         ),
-        sections=(*_sections(trends, axes, len(slopes)), _verdicts(trends)),
+        sections=(*_sections(trends, len(slopes)), _verdicts(trends)),
         glossary=GLOSSARY,
     )
 
 
-def _sections(trends: Trends, axes: list[_Axis], tests: int) -> Iterator[Section]:
+def _sections(trends: Trends, tests: int) -> Iterator[Section]:
     for group, members in groupby(
         sorted(trends.series, key=lambda series: series.group), key=lambda series: series.group
     ):
         many = tuple(members)
-        for axis in axes:
+        for axis in trends.axes:
             if not any(np.isfinite(axis.x[list(series.at)]).any() for series in many):
                 continue
             yield Section(
@@ -98,7 +92,7 @@ def _sections(trends: Trends, axes: list[_Axis], tests: int) -> Iterator[Section
             )
 
 
-def _table(many: tuple[Series, ...], axis: _Axis, tests: int) -> Table:
+def _table(many: tuple[Series, ...], axis: TrendAxis, tests: int) -> Table:
     rows, flagged = [], set()
     for k, series in enumerate(many):
         slope = axis.slope(series)
@@ -115,7 +109,7 @@ def _table(many: tuple[Series, ...], axis: _Axis, tests: int) -> Table:
     return Table(header, tuple(rows), flagged=frozenset(flagged))
 
 
-def _figure(many: tuple[Series, ...], axis: _Axis, trends: Trends, name: str) -> Markup:
+def _figure(many: tuple[Series, ...], axis: TrendAxis, trends: Trends, name: str) -> Markup:
     columns = min(len(many), 4)
     lines = -(-len(many) // columns)
     with page_figure(height=0.4 + 1.5 * lines) as figure:
@@ -127,7 +121,7 @@ def _figure(many: tuple[Series, ...], axis: _Axis, trends: Trends, name: str) ->
         return svg(figure, f"trend-{name}")
 
 
-def _panel(panel: "Axes", series: Series, axis: _Axis, trends: Trends) -> None:
+def _panel(panel: "Axes", series: Series, axis: TrendAxis, trends: Trends) -> None:
     x = axis.x[list(series.at)]
     known = np.isfinite(x)
     x, size, half = x[known], series.size[known], NORMAL_95 * series.sigma[known]
@@ -140,9 +134,7 @@ def _panel(panel: "Axes", series: Series, axis: _Axis, trends: Trends) -> None:
     panel.set_title(f"{series.where or 'robot'} [{series.unit}]")
     panel.locator_params(axis="x", nbins=3)
     if axis.word == "time":
-        panel.xaxis.set_major_formatter(
-            lambda value, _: _date(trends.days[0] + value * 365.25 / 12)[:10]
-        )
+        panel.xaxis.set_major_formatter(lambda value, _: _date(trends.days[0] + value * MONTH))
     else:
         panel.set_xlabel(axis.unit)
 
@@ -163,7 +155,7 @@ def _name(series: Series) -> str:
     return f"{series.group}{f' of {series.where}' if series.where else ''}".capitalize()
 
 
-def _slope(slope: Slope, series: Series, axis: _Axis) -> str:
+def _slope(slope: Slope, series: Series, axis: TrendAxis) -> str:
     low, high = slope.interval
     return f"{slope.value:+.3g} {series.unit} per {axis.unit} (95 %: {low:+.3g} to {high:+.3g})"
 

@@ -83,15 +83,16 @@ def test_slopes_of_a_history_are_recovered() -> None:
     trends = trends_of([*rest, *reversed(entries)])
     assert trends.others == 1
     assert trends.logs[0] == "week 0"
-    assert trends.months == pytest.approx(7 * np.arange(30) / MONTH, rel=1e-9)
+    time, temperature = trends.axes
+    assert time.x == pytest.approx(7 * np.arange(30) / MONTH, rel=1e-9)
     by_name = {(each.group, each.where): each for each in trends.series}
-    drift = trends.over_time(by_name["friction", "joint2"])
+    drift = time.slope(by_name["friction", "joint2"])
     assert drift.interval[0] < DRIFT < drift.interval[1]
     assert drift.p_value < ALPHA / 6
-    warm = trends.over_temperature(by_name["sensor gain", "joint4"])
+    warm = temperature.slope(by_name["sensor gain", "joint4"])
     assert warm.interval[0] < WARM < warm.interval[1]
     assert warm.p_value < ALPHA / 6
-    assert trends.over_time(by_name["friction", "joint3"]).p_value > ALPHA / 6
+    assert time.slope(by_name["friction", "joint3"]).p_value > ALPHA / 6
 
 
 def test_too_few_logs_have_no_slope() -> None:

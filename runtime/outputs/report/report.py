@@ -7,7 +7,7 @@ page.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -19,6 +19,8 @@ from runtime.common.terminal import as_typed
 from runtime.errors import ExportError
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.result_record import (
+    ConvergencePart,
+    FrictionPart,
     MirroredPair,
     ResultRecord,
     SessionsPart,
@@ -168,45 +170,47 @@ def tiles(result: ResultRecord) -> tuple[Tile, ...]:
     )
 
 
-def sections(result: Result) -> tuple[Section, ...]:
+def sections(result: Result) -> Iterator[Section]:
     """Sections of the page below the summary, in their order."""
     record = result.record
     links = tuple(link.name for link in record.links)
-    first, last = (
-        [section for make in makers if (section := make(record)) is not None]
-        for makers in (_FIRST, _LAST)
+    yield Section(
+        "Torque error per joint",
+        "On the test split, before (URDF without friction) and after (all identified parameters).",
+        error_table(*record.rows_of_errors, record.torque_error_percent, record.torque_rms),
     )
-    uncertain = (
-        ()
-        if record.uncertainty is None
-        else uncertainty_sections(record.uncertainty, record.joints, links)
+    if (shares := share_table(record)) is not None:
+        yield Section(
+            "Share of friction and inertia",
+            "The step from the first to the second row is due to friction alone, the step to the "
+            "third to the inertial parameters.",
+            shares,
+        )
+    yield _torques(result)
+    yield Section(
+        "Physical consistency per link",
+        "A motion determines the base parameters, which combine several links. The mass or the "
+        "centre of mass of a single link may therefore be uncertain although the torques are "
+        "predicted well.",
+        link_table(record.links),
     )
-    several = () if record.sessions is None else several_logs_sections(record.sessions, links)
-    before = (*first[:-1], _torques(result), first[-1])
-    return (*before, *several, *sides_section(record.symmetric), *uncertain, *last)
+    if record.sessions is not None:
+        yield from several_logs_sections(record.sessions, links)
+    if record.symmetric:
+        yield _sides(record.symmetric)
+    if record.uncertainty is not None:
+        yield from uncertainty_sections(record.uncertainty, record.joints, links)
+    if links:
+        yield _masses(record, links)
+    if record.friction is not None:
+        yield _friction(record.joints, record.friction)
+    if record.convergence is not None and record.convergence.iteration:
+        yield _convergence(record.convergence)
+    yield _preparation(record)
+    yield _provenance(record)
 
 
 # --- sections -------------------------------------------------------------------------------
-
-
-def _errors(result: ResultRecord) -> Section:
-    return Section(
-        "Torque error per joint",
-        "On the test split, before (URDF without friction) and after (all identified parameters).",
-        error_table(*result.rows_of_errors, result.torque_error_percent, result.torque_rms),
-    )
-
-
-def _shares(result: ResultRecord) -> Section | None:
-    table = share_table(result)
-    if table is None:
-        return None
-    return Section(
-        "Share of friction and inertia",
-        "The step from the first to the second row is due to friction alone, the step to the third "
-        "to the inertial parameters.",
-        table,
-    )
 
 
 def _torques(result: Result) -> Section:
@@ -220,22 +224,10 @@ def _torques(result: Result) -> Section:
     )
 
 
-def _consistency(result: ResultRecord) -> Section:
-    return Section(
-        "Physical consistency per link",
-        "A motion determines the base parameters, which combine several links. The mass or the "
-        "centre of mass of a single link may therefore be uncertain although the torques are "
-        "predicted well.",
-        link_table(result.links),
-    )
-
-
-def _masses(result: ResultRecord) -> Section | None:
-    if not result.links:
-        return None
+def _masses(result: ResultRecord, links: Sequence[str]) -> Section:
     known = result.uncertainty
     drawn = mass_change(
-        [link.name for link in result.links],
+        links,
         np.array([link.mass_before for link in result.links]),
         np.array([link.mass for link in result.links]),
         None if known is None else np.array([link.mass_sigma for link in known.links]),
@@ -243,13 +235,10 @@ def _masses(result: ResultRecord) -> Section | None:
     return Section("Change of mass", figure=drawn)
 
 
-def _friction(result: ResultRecord) -> Section | None:
-    if result.friction is None:
-        return None
-    friction = result.friction
+def _friction(joints: Sequence[str], friction: FrictionPart) -> Section:
     rows = tuple(
         (joint, *(number(value) for value in values))
-        for joint, values in zip(result.joints, friction.values, strict=True)
+        for joint, values in zip(joints, friction.values, strict=True)
     )
     coupled = any(name in COLUMNS and COLUMNS[name].of_motors for name in friction.columns)
     sign = f" The smooth sign of the velocity is tanh(dq / {friction.coulomb_speed:g})."
@@ -264,10 +253,7 @@ def _friction(result: ResultRecord) -> Section | None:
     )
 
 
-def _convergence(result: ResultRecord) -> Section | None:
-    if result.convergence is None or not result.convergence.iteration:
-        return None
-    c = result.convergence
+def _convergence(c: ConvergencePart) -> Section:
     none = (None,) * len(c.iteration)
     losses = (np.array(list(map(_value, x))) for x in (c.training, c.validation or none))
     return Section("Convergence", figure=convergence(np.array(c.iteration), *losses))
@@ -316,31 +302,15 @@ def _unit(unit: str) -> str:
     return unit.replace("*", "·")
 
 
-_FIRST: tuple[Callable[[ResultRecord], Section | None], ...] = (_errors, _shares, _consistency)
-"""Sections before those on several logs and uncertainty."""
-_LAST: tuple[Callable[[ResultRecord], Section | None], ...] = (
-    _masses,
-    _friction,
-    _convergence,
-    _preparation,
-    _provenance,
-)
-
-
-def sides_section(pairs: tuple[MirroredPair, ...] | None) -> tuple[Section, ...]:
-    """The section; none without pairs."""
-    if not pairs:
-        return ()
-    return (
-        Section(
-            "Left and right",
-            "Values of mirrored joints with their 95 % intervals; friction is viscous and Coulomb. "
-            "The distance is in standard deviations of the difference. Pairs that disagree are "
-            "explained among the warnings.",
-            Table(
-                ("left", "right", "quantity", "value left", "value right", "agree"),
-                tuple(map(_row, pairs)),
-            ),
+def _sides(pairs: Sequence[MirroredPair]) -> Section:
+    return Section(
+        "Left and right",
+        "Values of mirrored joints with their 95 % intervals; friction is viscous and Coulomb. "
+        "The distance is in standard deviations of the difference. Pairs that disagree are "
+        "explained among the warnings.",
+        Table(
+            ("left", "right", "quantity", "value left", "value right", "agree"),
+            tuple(map(_row, pairs)),
         ),
     )
 
@@ -490,6 +460,6 @@ def _page(result: Result) -> Page:
         warnings=tuple(map(as_typed, record.doubts)),
         notes=tuple(as_typed(each) for each in record.warnings if each not in record.doubts),
         tiles=tiles(record),
-        sections=sections(result),
+        sections=tuple(sections(result)),
         glossary=GLOSSARY,
     )

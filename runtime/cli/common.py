@@ -25,7 +25,7 @@ from rich.progress import (
 )
 
 from runtime.common.files import bytes_of, json_of, replacing, require_unused
-from runtime.common.settings import Choices, data_option, output_option
+from runtime.common.settings import FILE, Choices, data_option, output_option
 from runtime.common.terminal import completing, console, program
 from runtime.common.user_builds import built_robots
 from runtime.errors import IdentificationError, LibraryError, RuntimeFault
@@ -133,15 +133,11 @@ def _opened(robot: str, yes: bool) -> Library:
     except ForeignRobotError as error:
         if not (yes or _agreed(error)):
             raise
-        _say(robot, "the working directory", error.folder)
+        _announce(f"robot '{robot}' of the working directory: {error.folder}")
         return load(error.folder)
     if place.folder.name == robot:
-        _say(robot, place.origin, place.folder)
+        _announce(f"robot '{robot}' of {place.origin}: {place.folder}")
     return load(place.folder)
-
-
-def _say(robot: str, origin: str, folder: Path) -> None:
-    sys.stderr.write(f"{program().split()[-1]}: robot '{robot}' of {origin}: {folder}\n")
 
 
 def _agreed(error: ForeignRobotError) -> bool:
@@ -178,41 +174,41 @@ EARLIER, _NAMES = ".earlier", "names.txt"
 
 @dataclass(frozen=True, slots=True)
 class ResultFolder:
-    """What a command writes into the folder of its result."""
+    """What a command writes into the folder of its result, beside its settings."""
 
-    command: str  # name of the command
-    files: tuple[str, ...]  # names of all files that it writes
+    files: tuple[str, ...]  # names of all other files that it writes
     key: str  # key of the first file, a JSON document, by which the result is recognised
 
+    def require(self, folder: Path, given: Choices, overwrite: bool) -> None:
+        """Refuse to replace files of a folder, except an earlier result of the same command."""
+        if self._is_in(folder):
+            _announce(f"the earlier result of {given.command} in '{folder}' will be replaced")
+        else:
+            require_unused((folder / name for name in (*self.files, FILE)), overwrite)
 
-def require_result_folder(folder: Path, kind: ResultFolder, overwrite: bool) -> None:
-    """Refuse to replace files of a folder, except an earlier result of the same command."""
-    if _is_result(folder, kind):
-        _announce(f"the earlier result of {kind.command} in '{folder}' will be replaced")
-    else:
-        require_unused((folder / name for name in kind.files), overwrite)
+    def begin(self, folder: Path, given: Choices) -> None:
+        """Write the settings of a result; one that it replaces is copied for `symgen undo`."""
+        if self._is_in(folder):
+            self._keep(folder)
+        given.write(folder)
 
+    def _is_in(self, folder: Path) -> bool:
+        """Whether a folder holds a result of the command."""
+        with suppress(OSError, ValueError):
+            facts = json_of(folder / self.files[0])
+            return isinstance(facts, dict) and self.key in facts
+        return False
 
-def _is_result(folder: Path, kind: ResultFolder) -> bool:
-    """Whether a folder holds a result of the command."""
-    with suppress(OSError, ValueError):
-        facts = json_of(folder / kind.files[0])
-        return isinstance(facts, dict) and kind.key in facts
-    return False
-
-
-def keep_earlier(folder: Path, kind: ResultFolder) -> None:
-    """Copy a result for `symgen undo` before it is replaced, where the disk has room for it."""
-    place, names = folder / EARLIER, kind.files
-    if not _is_result(folder, kind):
-        return
-    with suppress(OSError):
-        if place.is_dir() and not place.is_symlink():
-            shutil.rmtree(place)
-        place.mkdir()
-        for name in filter(lambda each: (folder / each).is_file(), names):
-            shutil.copy2(folder / name, place)
-        (place / _NAMES).write_text("\n".join(names), encoding="utf-8")
+    def _keep(self, folder: Path) -> None:
+        """Copy a result where the disk has room for it."""
+        place, names = folder / EARLIER, (*self.files, FILE)
+        with suppress(OSError):
+            if place.is_dir() and not place.is_symlink():
+                shutil.rmtree(place)
+            place.mkdir()
+            for name in filter(lambda each: (folder / each).is_file(), names):
+                shutil.copy2(folder / name, place)
+            (place / _NAMES).write_text("\n".join(names), encoding="utf-8")
 
 
 def swap_earlier(folder: Path) -> list[str]:

@@ -4,20 +4,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from runtime.cli.common import (
-    ResultFolder,
-    counting,
-    keep_earlier,
-    listed,
-    open_robot,
-    require_page,
-    require_result_folder,
-    state,
-)
+from runtime.cli.common import ResultFolder, counting, listed, open_robot, require_page, state
 from runtime.cli.log_options import FitChoices, Log, inputs_of, split_of
 from runtime.cli.shown_progress import shown_progress
 from runtime.common.settings import (
-    FILE,
     argument_field,
     choices_of,
     method_field,
@@ -49,7 +39,7 @@ from runtime.outputs.report.page import write_page
 from runtime.outputs.report.report import write_report
 from runtime.recording.streamed import open_log
 
-_WRITTEN = ResultFolder("compare", ("compare.json", "compare.md", "report.html", FILE), "rows")
+_WRITTEN = ResultFolder(("compare.json", "compare.md", "report.html"), "rows")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,7 +93,7 @@ def compare_command(given: CompareSettings) -> None:
         return
     lib = open_robot(given.robot, given.yes)
     folder = given.out or Path("results") / f"{Path(given.log).stem}-compare"
-    require_result_folder(folder, _WRITTEN, given.overwrite)
+    _WRITTEN.require(folder, given, given.overwrite)
     names = listed(given.methods, tuple(METHODS), "--methods") if given.methods else None
     place = given.truth or beside(given.log)
     known = read_truth(place, lib) if place else None
@@ -153,8 +143,7 @@ def compare_command(given: CompareSettings) -> None:
         "truth": None if place is None else place.name,
     }
     comparison = _with_progress(assembly, names, known)
-    keep_earlier(folder, _WRITTEN)
-    given.write(folder)
+    _WRITTEN.begin(folder, given)
     _finish(write_comparison(comparison, folder, command_line(), settings, notes), folder)
 
 

@@ -4,10 +4,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from runtime.cli.common import ResultFolder, keep_earlier, require_result_folder
+from runtime.cli.common import ResultFolder
 from runtime.cli.identify_settings import IdentifySettings
 from runtime.cli.log_options import fractions_of
-from runtime.common.settings import FILE
 from runtime.common.tables import Table
 from runtime.common.terminal import VERBOSE, command_line, say, show
 from runtime.errors import IdentificationError
@@ -31,8 +30,8 @@ TAKEN = (
     *("friction", "delay", "report"),
 )
 """Parameters of the command that apply to a robot with a free base."""
-_FILES = ("result.json", "predictions.npz", "posterior.npz", "identified.urdf", "report.html", FILE)
-WRITTEN = ResultFolder("identify", _FILES, "robot")
+_FILES = ("result.json", "predictions.npz", "posterior.npz", "identified.urdf", "report.html")
+WRITTEN = ResultFolder(_FILES, "robot")
 
 
 def require_fixed_base(lib: Library, rows: str | None) -> None:
@@ -77,7 +76,7 @@ def identify_free_base_log(lib: Library, given: IdentifySettings, prior: PriorFi
     choice = given.rows or ("base" if recording.tau is None else "all")
     friction, delay = _of_drives(given, recording)
     folder = given.out or Path("results") / f"{path.stem}-{choice}"
-    require_result_folder(folder, WRITTEN, given.overwrite)
+    WRITTEN.require(folder, given, given.overwrite)
     result = identify_free_base(
         recording,
         lib,
@@ -88,9 +87,8 @@ def identify_free_base_log(lib: Library, given: IdentifySettings, prior: PriorFi
         friction=friction,
         delay_s=delay,
     )
-    keep_earlier(folder, WRITTEN)
+    WRITTEN.begin(folder, given)
     record = write_free_base(result, folder, command_line())
-    given.write(folder)
     print_errors(
         f"{lib.name}: errors on the last {result.seconds:.3g} s",
         *(record.rows_of_errors[0], result.rms.tolist()),

@@ -12,19 +12,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from runtime.cli.common import (
-    ResultFolder,
-    counting,
-    keep_earlier,
-    open_robot,
-    require_result_folder,
-    state,
-)
+from runtime.cli.common import ResultFolder, counting, open_robot, state
 from runtime.cli.free_base import identify_free_base_log, require_fixed_base
 from runtime.cli.identify_settings import IdentifySettings
 from runtime.cli.log_options import prior_of, runs_of
 from runtime.cli.shown_progress import shown_progress
-from runtime.common.settings import FILE
 from runtime.common.tables import Table
 from runtime.common.terminal import VERBOSE, command_line, program, say, say_notes, show
 from runtime.errors import IdentificationError, RecordingError
@@ -212,10 +204,9 @@ def _cell(value: Any, sigma: Any, factor: float = 1.0) -> str:
 
 
 _WRITTEN = ResultFolder(
-    "identify",
     (
         *("result.json", "predictions.npz", "posterior.npz", "statistics.npz"),
-        *("identified.urdf", "report.html", FILE),
+        *("identified.urdf", "report.html"),
     ),
     "method",
 )
@@ -259,7 +250,7 @@ def identify_command(given: IdentifySettings) -> None:
     several = f"{len(runs)}-" if len(runs) > 1 or given.payload_of else ""
     chosen = chosen_method(settings.method, settings.preset, settings.prior)
     folder = given.out or Path("results") / f"{Path(given.logs[0]).stem}-{several}{chosen}"
-    require_result_folder(folder, _WRITTEN, given.overwrite)
+    _WRITTEN.require(folder, given, given.overwrite)
     with counting(state()) as bar, _naming(inspect):
         preset = PRESETS.get(str(given.preset or "full")) if METHODS[chosen].takes_preset else None
         total = preset.rule.max_iterations if preset else None
@@ -271,8 +262,7 @@ def identify_command(given: IdentifySettings) -> None:
         )
         result = identify(opened, lib, settings, progress=shown)
         result = with_row_marks(result, opened, settings.split)
-    keep_earlier(folder, _WRITTEN)
-    given.write(folder)
+    _WRITTEN.begin(folder, given)
     finish(result, folder, given, inspect)
 
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from runtime.cli.common import Overwrite, ResultFolder, keep_earlier, require_result_folder
+from runtime.cli.common import Overwrite, ResultFolder
 from runtime.cli.log_options import Log, OfResult, Recipe, Run, open_result
 from runtime.common.files import json_text, replacing, write_json
-from runtime.common.settings import FILE, data_field, method_field, model_field, output_field
+from runtime.common.settings import data_field, method_field, model_field, output_field
 from runtime.common.tables import Table, significant
 from runtime.common.terminal import command_line, say, say_notes, show
 from runtime.errors import ExportError, IdentificationError
@@ -38,14 +38,9 @@ from runtime.recording import Recording
 from runtime.recording.consistency import require_plausible
 
 _WRITTEN = ResultFolder(
-    "observe",
     (
-        "contacts.json",
-        "external_torque.npz",
-        "external_torque.png",
-        *FILES,
-        *torque_mcap.FILES,
-        FILE,
+        *("contacts.json", "external_torque.npz", "external_torque.png"),
+        *(*FILES, *torque_mcap.FILES),
     ),
     "contacts",
 )
@@ -122,7 +117,7 @@ def observe_command(given: ObserveSettings) -> None:
     """
     rate = alarm_rate(given.false_alarms)
     folder = given.out or (given.model if given.model.is_dir() else given.model.parent) / "observe"
-    require_result_folder(folder, _WRITTEN, given.overwrite)
+    _WRITTEN.require(folder, given, given.overwrite)
     saved, lib, notes = open_result(given, given.model)
     known = model_of(saved, lib)
     data = _read(lib, known, saved.log_of(given.log, lib, given.recipe, given.run))
@@ -155,9 +150,8 @@ def observe_command(given: ObserveSettings) -> None:
     facts = _facts(lib, detector, seen, check, data, given.link, tails) | {
         "notes": [*notes, *(note if not tails else ()), *raised, *left_out]
     }
-    keep_earlier(folder, _WRITTEN)
+    _WRITTEN.begin(folder, given)
     _write(lib, saved, seen, facts, folder)
-    given.write(folder)
     for name, content in texts.items():
         with replacing(folder / name) as file:
             file.write(content.encode())

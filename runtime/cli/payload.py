@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from runtime.cli.common import ResultFolder, keep_earlier, open_robot, require_result_folder
+from runtime.cli.common import ResultFolder, open_robot
 from runtime.cli.log_options import BodyChoices
 from runtime.common.files import json_text
-from runtime.common.settings import FILE, argument_field, data_field, model_field, output_field
+from runtime.common.settings import argument_field, data_field, model_field, output_field
 from runtime.common.tables import Table
 from runtime.common.terminal import command_line, say, say_notes, show
 from runtime.estimators.regression.samples import NORMAL_95
@@ -18,7 +18,7 @@ from runtime.identification.prepared_log import filter_for_accelerations
 from runtime.recording import read_recording
 from runtime.recording.coupled_joints import independent_joints
 
-_WRITTEN = ResultFolder("payload", (*FILES, FILE), "set_load")
+_WRITTEN = ResultFolder(FILES, "set_load")
 _UNITS = ("kg", *("m",) * 3, *("kg·m²",) * 6)
 
 
@@ -72,7 +72,7 @@ def payload_command(given: PayloadSettings) -> None:
     """
     lib = open_robot(given.robot, given.yes)
     folder = given.out or Path("results") / f"{Path(given.log).stem}-payload"
-    require_result_folder(folder, _WRITTEN, given.overwrite)
+    _WRITTEN.require(folder, given, given.overwrite)
     loaded = read_recording(given.log, given.recipe, given.run, lib.joint_names)
     joints = lib.joint_names
     bare = (
@@ -91,9 +91,8 @@ def payload_command(given: PayloadSettings) -> None:
         preparation=preparation,
         gain_error=given.gain_error,
     )
-    keep_earlier(folder, _WRITTEN)
+    _WRITTEN.begin(folder, given)
     paths = write_payload(payload, lib, folder, command_line())
-    given.write(folder)
     if given.as_json:
         print(json_text(load_facts(payload, lib)), end="")
         return

@@ -5,16 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from runtime.cli.common import (
-    Overwrite,
-    ResultFolder,
-    Seed,
-    keep_earlier,
-    listed,
-    require_result_folder,
-)
+from runtime.cli.common import Overwrite, ResultFolder, Seed, listed
 from runtime.cli.log_options import ResultChoices, open_result
-from runtime.common.settings import FILE, output_field
+from runtime.common.settings import output_field
 from runtime.common.tables import significant
 from runtime.common.terminal import completing, console, say, say_notes
 from runtime.errors import IdentificationError
@@ -87,17 +80,15 @@ def sample_command(given: SampleSettings) -> None:
         given.out or (given.result if given.result.is_dir() else given.result.parent) / "samples"
     )
     paths = [*sample_paths(folder, given.count, kinds), *randomiser_paths(folder, randomisers)]
-    files = (*(path.name for path in paths), FILE)
-    kind = ResultFolder("sample", files, "factors")
-    require_result_folder(folder, kind, given.overwrite)
+    written = ResultFolder(tuple(path.name for path in paths), "factors")
+    written.require(folder, given, given.overwrite)
     saved, lib, notes = open_result(given, given.result, free_base=True, same_bodies=True)
     posterior = read_posterior(given.result, saved, lib)
     rng = np.random.default_rng(given.seed)
     with console.status("drawing models"):
         draws = draw_models(lib, saved, posterior, given.count, rng)
     with console.status("writing models"):
-        keep_earlier(folder, kind)
-        given.write(folder)
+        written.begin(folder, given)
         facts = write_samples(lib, saved, draws, kinds, folder, given.seed)
         if randomisers:
             write_randomisers(lib, saved, draws, randomisers, folder, rng)
@@ -111,5 +102,5 @@ def sample_command(given: SampleSettings) -> None:
     if raised := [f"{name} × {significant(float(by))}" for name, by in thick if by > 1.01]:
         notes = (*notes, THICKENED.format(", ".join(raised)))
     say_notes(notes)
-    written = [path.name for path in randomiser_paths(folder, randomisers)]
-    say(f"files: {', '.join([str(folder / TABLE), *written])}")
+    further = [path.name for path in randomiser_paths(folder, randomisers)]
+    say(f"files: {', '.join([str(folder / TABLE), *further])}")

@@ -3,10 +3,12 @@
 import json
 from pathlib import Path
 
-from runtime.cli.common import ResultFolder, keep_earlier, require_result_folder
+from runtime.cli.common import ResultFolder
+from runtime.cli.identify_settings import IdentifySettings
 from tests.runtime.conftest import Command
 
-KIND = ResultFolder("identify", ("result.json", "report.html", "statistics.npz"), "method")
+KIND = ResultFolder(("result.json", "report.html", "statistics.npz"), "method")
+GIVEN = IdentifySettings(logs=["log.csv"])
 
 
 def _content(folder: Path) -> dict[str, str]:
@@ -22,8 +24,8 @@ def test_a_replaced_result_comes_back(command: Command, tmp_path: Path) -> None:
     (folder / "report.html").write_text("first")
     first = _content(folder)
     (folder / "notes.txt").write_text("mine")
-    require_result_folder(folder, KIND, overwrite=False)
-    keep_earlier(folder, KIND)
+    KIND.require(folder, GIVEN, overwrite=False)
+    KIND.begin(folder, GIVEN)
     (folder / "result.json").write_text(json.dumps({"method": "ols"}))
     (folder / "report.html").unlink()
     (folder / "statistics.npz").write_text("second")

@@ -6,7 +6,7 @@ p and Cᵀ dq − g come from the regressors of `momentum_regressor`; columns of
 p, all others in τ_f. No acceleration is needed.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,7 @@ from runtime.recording import Friction, Preparation
 from runtime.recording.friction.coupled_motors import Coupling, coupling_of_terms, spread
 from runtime.recording.friction.model import columns as friction_columns
 from runtime.recording.friction.model import torque as friction_torque
-from runtime.recording.settings import COLUMNS, JointMotion
+from runtime.recording.settings import COLUMNS, FrictionColumn, JointMotion
 
 Signals = Mapping[str, Array]
 """Name → (N, n) further signals of a log, for the friction columns that need them."""
@@ -44,10 +44,14 @@ class MonitoredModel:
         """Delay of τ behind q in the log, the mean of the joints' [s]."""
         return float(np.mean(self.preparation.torque_delay_s or 0.0))
 
+    def _are(self, is_such: Callable[[FrictionColumn], bool]) -> NDArray[np.bool_]:
+        """Whether each friction column is of a kind, (k,)."""
+        return np.array([is_such(COLUMNS[name]) for name in self.terms.columns], dtype=bool)
+
     @property
     def inertial(self) -> NDArray[np.bool_]:
         """Whether each friction column is an inertia, (k,)."""
-        return np.array([COLUMNS[name].is_inertial for name in self.terms.columns], dtype=bool)
+        return self._are(lambda column: column.is_inertial)
 
     @property
     def coupling(self) -> Coupling | None:
@@ -119,22 +123,20 @@ class MonitoredModel:
     ) -> Array:
         """1, viscous and dry friction of the model: what a session scales, (N, n, 3)."""
         _, columns = self.columns(lib, q, dq, signals=signals)
-        records = [COLUMNS[name] for name in self.terms.columns]
-        is_viscous = np.array([each.model_term == "damping" for each in records], dtype=bool)
+        is_viscous = self._are(lambda column: column.model_term == "damping")
         # Whatever follows the sign of the speed, or has a memory.
-        is_dry = np.array(["coulomb_speed" in each.widths for each in records], dtype=bool)
+        is_dry = self._are(lambda column: "coulomb_speed" in column.widths) | self.memory
         parts = [
             friction_torque(columns, self.phi * kind, self.coupling)
-            for kind in (is_viscous, is_dry | self.memory)
+            for kind in (is_viscous, is_dry)
         ]
         return np.stack([np.ones_like(q), *parts], axis=2)
 
     @property
     def memory(self) -> NDArray[np.bool_]:
         """Whether each friction column has a memory, (k,)."""
-        records = [COLUMNS[name] for name in self.terms.columns]
-        lasts = any(each.has_memory for each in records)
-        return np.array([lasts and (c.has_memory or c.takes_memory) for c in records], dtype=bool)
+        lasts = self._are(lambda column: column.has_memory)
+        return (lasts | self._are(lambda column: column.takes_memory)) & lasts.any()
 
     @property
     def lasting_friction(self) -> Array:
@@ -148,8 +150,7 @@ class MonitoredModel:
     @property
     def dry_friction(self) -> Array:
         """Dry friction of every joint by the sign of its speed, Σ |φ|, (n,) [N·m, N]."""
-        records = [COLUMNS[name] for name in self.terms.columns]
-        dry = np.array([c.model_term == "friction" and not c.has_memory for c in records], bool)
+        dry = self._are(lambda c: c.model_term == "friction" and not c.has_memory)
         return np.asarray(np.abs(self.phi[:, dry]).sum(axis=1))
 
     def is_slow(self, dq: Array) -> NDArray[np.bool_]:

@@ -33,7 +33,6 @@ bias, and θ starts again. It starts in `START_BLOCKS` blocks, of which the last
 no contact is found in them.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -56,16 +55,15 @@ from runtime.monitoring.noise import (
 from runtime.monitoring.observer import (
     Contact,
     ObserverSettings,
-    averaged,
     contacts_of,
     external_torques,
     observer_settings,
-    window_mean,
+    windows,
 )
 from runtime.recording import Preparation, Recording
 from runtime.recording.friction.model import motion_of
 from runtime.recording.preprocessing.pipeline import on_grid
-from runtime.recording.preprocessing.segments import differentiate, segments
+from runtime.recording.preprocessing.segments import differentiate
 from runtime.recording.rest_speeds import rest_speeds
 
 BLOCK_S = 0.1
@@ -233,10 +231,10 @@ def detector_for(
         within_s = max(WITHIN_S, LEAST_SAMPLES / recording.rate_hz)
     count = int(np.searchsorted(recording.t, recording.t[0] + EXCERPT_S)) or 1
     part = recording.take(slice(0, count), "Took an excerpt.")
-    motion = part.q, part.required("dq"), part.required("tau")
+    motion, further = _signals(part, model)
     choices = []
     for settings in candidates(part.rate_hz, within_s):
-        (r,) = external_torques(lib, model, settings, part.t, motion, _further(part, model))
+        (r,) = external_torques(lib, model, settings, part.t, motion, further)
         noise = noise_of_observer(settings, held_out, part.t, r)
         z = levels(rate.per_second, noise.correlation, settings.rate_hz)
         choices.append(Detector(model, settings, within_s, rate, noise, z, root))
@@ -292,26 +290,13 @@ def both_torques(
 
     The features (N, n, 3) are what differs between sessions, at the means of the window.
     """
-    motion = recording.q, recording.required("dq"), recording.required("tau")
-    further, overs = _further(recording, model), (1, direct_steps(s.rate_hz))
+    motion, further = _signals(recording, model)
+    overs = 1, direct_steps(s.rate_hz)
     r, direct = external_torques(lib, model, s, recording.t, motion, further, overs)
     features = np.zeros((*r.shape, 3))
-    for rows, q, dq, _, signals in _windows(model, s, recording):
+    for rows, q, dq, _, signals in windows(s, recording.t, motion, further):
         features[rows] = model.session_features(lib, q, dq, signals=signals)
     return r, np.where(np.isfinite(r), direct, np.nan), features
-
-
-def _windows(
-    model: MonitoredModel, s: ObserverSettings, recording: Recording
-) -> Iterator[tuple[slice, Array, Array, Array, FurtherSignals]]:
-    """Rows of every segment with a whole window, and its means of q, dq, τ and further signals."""
-    motion = recording.q, recording.required("dq"), recording.required("tau")
-    further = _further(recording, model)
-    for part in segments(recording.t):
-        if part.stop - part.start > s.steps + 1:
-            means = averaged(s, *(each[part] for each in motion))
-            signals = {key: window_mean(s, values[part]) for key, values in further.items()}
-            yield slice(part.start + s.steps, part.stop), *means, signals
 
 
 def unknown_dry_friction(lib: Library, model: MonitoredModel) -> Array:
@@ -371,9 +356,12 @@ def prepared_for(
     return differentiate(data) if data.dq is None else data
 
 
-def _further(recording: Recording, model: MonitoredModel) -> FurtherSignals:
-    """The signals of a log that the columns of a model need beside the motion."""
-    return motion_of(recording, model.terms.columns, None).signals
+def _signals(
+    recording: Recording, model: MonitoredModel
+) -> tuple[tuple[Array, Array, Array], FurtherSignals]:
+    """q, dq and τ of a log, and the signals that the columns of a model need beside them."""
+    motion = recording.q, recording.required("dq"), recording.required("tau")
+    return motion, motion_of(recording, model.terms.columns, None).signals
 
 
 def state_terms(
@@ -389,7 +377,9 @@ def state_terms(
     """
     band, extra, rest = (np.zeros_like(recording.q) for _ in range(3))
     unknown, slowest = unknown_dry_friction(lib, model), slow_speeds(lib, model)
-    for rows, position, speed, torque, signals in _windows(model, s, recording):
+    for rows, position, speed, torque, signals in windows(
+        s, recording.t, *_signals(recording, model)
+    ):
         t = recording.t[rows]
         if root is not None:
             band[rows] = _band(lib, model, s, root, position, speed, signals)

@@ -21,7 +21,7 @@ from τ_ext. w is the smallest one that explains it; lengths are scaled by `LENG
 """
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -221,18 +221,20 @@ def _window_mean(rows: Array) -> Array:
     return np.asarray((rows[:-1] + rows[1:]).mean(axis=0) / 2)
 
 
-def averaged(
-    settings: ObserverSettings, q: Array, dq: Array, tau: Array
-) -> tuple[Array, Array, Array]:
-    """Means of q, dq and τ over the window that ends at each sample.
-
-    q (N, n) [rad, m], dq (N, n) [rad/s, m/s], tau (N, n) [N·m, N].
-    """
+def windows(
+    settings: ObserverSettings, t: Array, motion: tuple[Array, Array, Array], signals: Signals
+) -> Iterator[tuple[slice, Array, Array, Array, Signals]]:
+    """Rows of every segment that end a window, and means over it of q, dq, τ and signals."""
     steps = settings.steps
-    position, speed, torque = (window_mean(settings, each) for each in (q, dq, tau))
-    if steps and settings.velocity == "position":
-        speed = (q[steps:] - q[:-steps]) * (settings.rate_hz / steps)
-    return position, speed, torque
+    for part in segments(t):
+        if part.stop - part.start <= steps + 1:
+            continue
+        q, dq, tau = (each[part] for each in motion)
+        position, speed, torque = (window_mean(settings, each) for each in (q, dq, tau))
+        if steps and settings.velocity == "position":
+            speed = (q[steps:] - q[:-steps]) * (settings.rate_hz / steps)
+        further = {key: window_mean(settings, values[part]) for key, values in signals.items()}
+        yield slice(part.start + steps, part.stop), position, speed, torque, further
 
 
 def window_mean(settings: ObserverSettings, values: Array) -> Array:
@@ -259,23 +261,21 @@ def external_torques(
     The observer starts again after each hole of the clock. t (N,) [s], motion q [rad, m], dq
     [rad/s, m/s] and τ [N·m, N], (N, n) each, signals that the columns need → (N, n) [N·m, N].
     """
-    steps, decay = settings.steps, settings.decay
+    decay = settings.decay
     result = tuple(np.full_like(motion[0], np.nan) for _ in overs)
-    for part in segments(t):
-        if part.stop - part.start <= steps + max(overs):
+    for rows, position, speed, torque, further in windows(settings, t, motion, signals):
+        if len(position) <= max(overs):
             continue
-        further = {key: window_mean(settings, values[part]) for key, values in signals.items()}
-        position, speed, torque = averaged(settings, *(each[part] for each in motion))
         p, force = model.balance(lib, position, speed, signals=further)
         rate = torque + force
         for r, over in zip(result, overs, strict=True):
             change = (p[over:] - p[:-over]) * (settings.rate_hz / over)
             if over > 1:
-                value = change - (motion[2][part][steps + over :] + force[over:])
+                value = change - (motion[2][rows][over:] + force[over:])
             else:
                 w = change - (rate[1:] + rate[:-1]) / 2
                 value = scipy_signal().lfilter([1 - decay], [1, -decay], w, axis=0)
-            r[part][steps + over :] = value
+            r[rows][over:] = value
     return result
 
 

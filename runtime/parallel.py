@@ -6,10 +6,13 @@ so may results.
 """
 
 import os
+import threading
 from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import suppress
 from itertools import count
 from typing import Any, TypeVar
+
+from threadpoolctl import threadpool_limits
 
 from runtime.errors import IdentificationError, RuntimeFault
 
@@ -23,21 +26,24 @@ CONNECTED = 5.0
 T = TypeVar("T")
 
 
+_here = threading.local()
+"""What a thread of a worker has prepared last, with the key of its call."""
+
+
 def on_cluster(
-    work: Callable[[Any, str, Any], T],
-    sent: object,
+    prepare: Callable[[], Any],
+    work: Callable[[Any, Any], T],
     rounds: Iterable[Sequence[Any]],
     scheduler: str,
     of: str,
 ) -> Generator[T, None, None]:
-    """Run `work(sent, key, piece)` on every piece of work, on a dask cluster.
+    """Run `work(prepared, piece)` on every piece of work, on a dask cluster.
 
-    The key is new for every call. Closing the iterator cancels pieces that wait and abandons those
-    that run.
+    Closing the iterator cancels pieces that wait and abandons those that run.
 
     Args:
+        prepare: called once by every thread of a worker, such as for its library.
         work: called on the workers.
-        sent: object that every worker gets once.
         rounds: pieces of work, round by round; the next begins when the one before is done.
         scheduler: address of the scheduler.
         of: work that sentences name.
@@ -59,7 +65,12 @@ def on_cluster(
     try:
         for pieces in rounds:
             futures = [
-                client.submit(work, sent, key, piece, key=f"{key}-{next(numbers)}", pure=False)
+                client.submit(
+                    _on_worker,
+                    *(key, prepare, work, piece),
+                    key=f"{key}-{next(numbers)}",
+                    pure=False,
+                )
                 for piece in pieces
             ]
             _require_workers(client, scheduler)
@@ -70,6 +81,16 @@ def on_cluster(
         with suppress(Exception):
             client.cancel(futures)
         client.close()
+
+
+def _on_worker(
+    key: str, prepare: Callable[[], Any], work: Callable[[Any, Any], T], piece: Any
+) -> T:
+    known: tuple[str, Any] | None = getattr(_here, "prepared", None)
+    if known is None or known[0] != key:
+        threadpool_limits(limits=1, user_api="blas")
+        known = _here.prepared = key, prepare()
+    return work(known[1], piece)
 
 
 def _result(future: Any, scheduler: str, of: str) -> Any:

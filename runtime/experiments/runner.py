@@ -4,14 +4,12 @@ Every finished chunk is a file; result.json is written last. A run that was kill
 from which the next run continues; damaged files are computed again.
 """
 
-import threading
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
-
-from threadpoolctl import threadpool_limits
 
 from runtime.common.files import json_of, write_json
 from runtime.common.threads import cores, one_blas_thread
@@ -167,21 +165,6 @@ def _clear(folder: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-_here = threading.local()
-"""Last prepared input of a thread of a worker, with its key."""
-
-
-@dataclass(frozen=True, slots=True)
-class Sent:
-    """Message to a worker, which imports the functions of the study by its name."""
-
-    study: str
-    config: StudyConfig
-    needed: Arrays
-    folder: Path
-    level: str
-
-
 def on_workers(
     study: Study,
     lib: Library,
@@ -191,18 +174,22 @@ def on_workers(
     scheduler: str,
 ) -> Generator[tuple[range, list[Row]], None, None]:
     """Compute ranges of trials on a dask cluster."""
-    sent = Sent(study.name, config, dict(needed), lib.folder.resolve(), lib.level)
-    return on_cluster(_rows, sent, [runs], scheduler, f"a chunk of '{study.name}'")
+    place = lib.folder.resolve(), lib.level
+    prepare = partial(_prepared, study.name, place, config, dict(needed))
+    return on_cluster(prepare, _rows, [runs], scheduler, f"a chunk of '{study.name}'")
 
 
-def _rows(sent: Sent, key: str, numbers: range) -> tuple[range, list[Row]]:
-    study = STUDIES[sent.study]
-    known: tuple[str, Any] | None = getattr(_here, "prepared", None)
-    if known is None or known[0] != key:
-        threadpool_limits(limits=1, user_api="blas")
-        lib = load(sent.folder, sent.level)
-        known = _here.prepared = key, study.prepare(lib, sent.config, sent.needed)
-    return numbers, study.run(known[1], numbers, 1)
+def _prepared(
+    name: str, place: tuple[Path, str], config: StudyConfig, needed: Arrays
+) -> tuple[Study, Any]:
+    """A study, by its name, and its input: on a worker, which imports its functions."""
+    study = STUDIES[name]
+    return study, study.prepare(load(*place), config, needed)
+
+
+def _rows(prepared: tuple[Study, Any], numbers: range) -> tuple[range, list[Row]]:
+    study, known = prepared
+    return numbers, study.run(known, numbers, 1)
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,6 +24,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from multiprocessing import parent_process
 from multiprocessing.connection import wait as wait_for
 from multiprocessing.context import SpawnContext, SpawnProcess
@@ -47,8 +48,6 @@ from runtime.excitation.search.single_start import Search
 from runtime.library import Array, Library, load, require_library
 from runtime.parallel import on_cluster
 
-_here_of_cluster = threading.local()
-"""Last search of the thread of a worker, and its key: a library is loaded once per thread."""
 Sent = tuple[Path, str, DesignSettings]
 """Folder and level of a library, and settings: what a worker makes its search of."""
 Started = tuple[int, float, Array]
@@ -65,7 +64,7 @@ def in_turn(search: Search, rounds: Rounds) -> Generator[Started, None, None]:
     """Do the tasks in order."""
     for tasks in rounds:
         for task in tasks:
-            yield task.number, *task.done(search)
+            yield _done(search, task)
 
 
 def side_by_side(sent: Sent, rounds: Rounds, processes: int) -> Generator[Started, None, None]:
@@ -122,7 +121,7 @@ def _end_with_parent() -> None:
 
 
 def _start(task: Task) -> Started:
-    return task.number, *task.done(_here[0])
+    return _done(_here[0], task)
 
 
 class _Spawning(SpawnContext):
@@ -189,13 +188,8 @@ def _search_of(sent: Sent) -> Search:
     return Search(load(folder, level), settings)
 
 
-def _start_on_cluster(sent: Sent, key: str, task: Task) -> Started:
-    """Do one task, on a worker of a dask cluster."""
-    known: tuple[str, Search] | None = getattr(_here_of_cluster, "search", None)
-    if known is None or known[0] != key:
-        threadpool_limits(limits=1, user_api="blas")
-        known = _here_of_cluster.search = key, _search_of(sent)
-    return task.number, *task.done(known[1])
+def _done(search: Search, task: Task) -> Started:
+    return task.number, *task.done(search)
 
 
 NEARLY = 0.01
@@ -311,7 +305,9 @@ def _started(
     # On a worker the working directory may be another one.
     sent = search.lib.folder.resolve(), search.lib.level, search.settings
     if scheduler is not None:
-        return on_cluster(_start_on_cluster, sent, tasks, scheduler, "a start of the search")
+        return on_cluster(
+            partial(_search_of, sent), _done, tasks, scheduler, "a start of the search"
+        )
     return side_by_side(sent, tasks, processes)
 
 

@@ -12,11 +12,11 @@ inertias of the type. Its friction follows from β:  φ = f − G β + N(0, v).
 """
 
 import hashlib
-import threading
 import zipfile
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -108,17 +108,6 @@ MOST_UNITS = 100_000
 VERSION = 2
 """Version of the parts."""
 
-_here = threading.local()
-"""Last library of a thread of a worker, with its key."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Sent:
-    """Message to a worker."""
-
-    folder: Path
-    level: str
-
 
 def statistics_files(folder: Path) -> list[Path]:
     """Files of compressed statistics in a folder and the folders below it, by name."""
@@ -196,28 +185,22 @@ def _computed(
 ) -> Generator[tuple[int, list[Unit]], None, None]:
     """Parts in the order in which they end."""
     if scheduler is not None and work:
-        sent = _Sent(lib.folder.resolve(), lib.level)
+        # On a worker the working directory may be another one.
+        opened = partial(load, lib.folder.resolve(), lib.level)
         tasks = [(k, tuple((p.resolve(), name) for p, name in piece)) for k, piece in work]
-        yield from on_cluster(_on_worker, sent, [tasks], scheduler, "a part of the fleet")
+        yield from on_cluster(opened, _units, [tasks], scheduler, "a part of the fleet")
         return
     pool = ThreadPoolExecutor(cores())
     try:
         with threadpool_limits(limits=1, user_api="blas"):
-            yield from pool.map(lambda task: (task[0], _units(lib, task[1])), work)
+            yield from pool.map(partial(_units, lib), work)
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-def _on_worker(sent: _Sent, key: str, task: tuple[int, Piece]) -> tuple[int, list[Unit]]:
-    known: tuple[str, Library] | None = getattr(_here, "library", None)
-    if known is None or known[0] != key:
-        threadpool_limits(limits=1, user_api="blas")
-        known = _here.library = key, load(sent.folder, sent.level)
-    return task[0], _units(known[1], task[1])
-
-
-def _units(lib: Library, piece: Piece) -> list[Unit]:
-    return [
+def _units(lib: Library, task: tuple[int, Piece]) -> tuple[int, list[Unit]]:
+    k, piece = task
+    return k, [
         unit_of(require_robot(read_statistics(path), lib, path), lib, name) for path, name in piece
     ]
 

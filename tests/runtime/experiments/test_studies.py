@@ -2,12 +2,14 @@
 
 import json
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from runtime import parallel
 from runtime.experiments import STUDIES, trials
 from runtime.experiments import runner as cluster
 from runtime.experiments.trials import sinusoidal
@@ -59,12 +61,12 @@ def test_a_worker_prepares_a_study_once(monkeypatch) -> None:
     study = SimpleNamespace(prepare=prepare, run=lambda known, numbers, _: [known, *numbers])
     monkeypatch.setitem(STUDIES, "study", study)
     monkeypatch.setattr(cluster, "load", lambda *_: None)
-    monkeypatch.setattr(cluster, "_here", SimpleNamespace())
+    monkeypatch.setattr(parallel, "_here", SimpleNamespace())
     chunks = [("a", range(2)), ("a", range(2, 3)), ("b", range(2)), ("b", range(2, 4))]
-    rows = [
-        cluster._rows(cluster.Sent("study", key, {}, Path(), ""), key, numbers)
-        for key, numbers in chunks
-    ]
+    rows = []
+    for key, numbers in chunks:
+        prepare = partial(cluster._prepared, "study", (Path(), ""), key, {})
+        rows.append(parallel._on_worker(key, prepare, cluster._rows, numbers))
     assert prepared == ["a", "b"]
     assert [r for _, r in rows] == [
         ["input of a", 0, 1],

@@ -91,9 +91,7 @@ def test_errors_of_a_cluster_are_one_sentence(
     for address in ("tcp://127.0.0.1:9", "nonsense://x", ""):
         with pytest.raises(IdentificationError, match="there is no dask scheduler at"):
             design(lib, **SMALL, scheduler=address)
-    monkeypatch.setattr(
-        processes, "_start_on_cluster", os.listdir
-    )  # on a worker: too many arguments
+    monkeypatch.setattr(processes, "_done", os.listdir)  # on a worker: too many arguments
     with pytest.raises(IdentificationError, match=r"on a worker of the cluster: TypeError: .*see"):
         design(lib, **SMALL, scheduler=cluster.scheduler_address)
     monkeypatch.setitem(sys.modules, "distributed", None)

@@ -223,6 +223,20 @@ def write_json(path: Path, facts: Any, allow_nan: bool = False) -> None:
     write_text(path, json_text(facts, allow_nan))
 
 
+def toml_value(value: Any) -> str:
+    """A number, a text, a truth value or a list of them as TOML; rows of a matrix have lines."""
+    if isinstance(value, list | tuple):
+        rows = value and isinstance(value[0], list | tuple)
+        inner = (",\n    " if rows else ", ").join(map(toml_value, value))
+        return f"[\n    {inner},\n]" if rows else f"[{inner}]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float):
+        return repr(value)
+    # TOML has no \/ and JSON no DEL; all other escapes are the same.
+    return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
 @contextmanager
 def replacing_folder(path: Path) -> Iterator[Path]:
     """A new folder beside `path`, whose files move there when the block ends without an error.

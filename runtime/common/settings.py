@@ -18,7 +18,6 @@ of an option.
 """
 
 import inspect
-import json
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import MISSING, dataclass, field, fields
@@ -32,7 +31,7 @@ import msgspec
 import typer
 
 from runtime.common.errors import RuntimeFault
-from runtime.common.files import tables_of, toml_of, write_text
+from runtime.common.files import tables_of, toml_of, toml_value, write_text
 from runtime.common.records import record_from_table
 
 __all__ = ["argument_field", "method_field", "output_field"]
@@ -321,21 +320,11 @@ def _lines(given: Choices) -> Iterator[str]:
     """Lines of the file: every key with its sentence; a key without a value is a comment."""
     yield "# Settings of the result beside this file; symgen rerun RESULT repeats it."
     yield f"# symgen {given.command} --settings FILE takes them; options win over the file."
-    yield f"command = {json.dumps(given.command)}"
+    yield f"command = {toml_value(given.command)}"
     for choice in choices_of(type(given)):
         if choice.name == CONSENT:
             continue
         value = getattr(given, choice.name)
         yield ""
         yield f"# {choice.sentence}"
-        yield f"# {choice.key} =" if value is None else f"{choice.key} = {_toml(value)}"
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_toml, value))}]"
-    if isinstance(value, Enum):
-        return _toml(value.value)
-    if isinstance(value, bool | int | float):
-        return _text(value)
-    return json.dumps(str(value), ensure_ascii=False)
+        yield f"# {choice.key} =" if value is None else f"{choice.key} = {toml_value(value)}"

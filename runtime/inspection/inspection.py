@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from runtime.common.files import toml_value
 from runtime.common.tables import Table
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError, RecordingError
@@ -38,7 +39,7 @@ from runtime.recording.log_files import LogFiles
 from runtime.recording.notebook import Framed
 from runtime.recording.reader import Raw, locate, read_raw, recording_of
 from runtime.recording.recipes.recipe import COMMANDED, JSON_CELLS
-from runtime.recording.recipes.recipe_file import load_recipe, toml_value
+from runtime.recording.recipes.recipe_file import load_recipe
 from runtime.recording.static_poses import static_poses
 
 _PASSIVE = 1e-9

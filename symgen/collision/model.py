@@ -5,13 +5,13 @@ The tables are written here, not by tomli-w, which writes one coordinate per lin
 
 import math
 import operator
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta, to_builtins
 
+from runtime.common.files import toml_value
 from runtime.common.records import Record, Vector3
 from symgen.errors import CollisionError
 
@@ -106,13 +106,5 @@ def toml_from_collision(model: CollisionModel) -> str:
     lines: list[str] = []
     for name, rows in tables.items():
         for row in rows:
-            lines += ["", f"[[{name}]]", *(f"{key} = {_written(v)}" for key, v in row.items())]
+            lines += ["", f"[[{name}]]", *(f"{key} = {toml_value(v)}" for key, v in row.items())]
     return "\n".join(lines) + "\n"
-
-
-def _written(value: Any) -> str:
-    if isinstance(value, str):
-        return f'"{value}"'
-    if isinstance(value, Iterable):
-        return "[" + ", ".join(map(_written, value)) + "]"
-    return repr(float(value))

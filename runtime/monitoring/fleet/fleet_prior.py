@@ -35,7 +35,6 @@ Source: Lee, Wensing & Park 2019 (D); Dempster, Laird & Rubin 1977 (EM); Box 198
 2003, Ch. 28, for the marginal likelihood.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,7 +45,7 @@ from scipy.linalg import block_diag
 from scipy.optimize import minimize_scalar
 from scipy.special import chdtrc, chdtri
 
-from runtime.common.files import replacing
+from runtime.common.files import replacing, toml_value
 from runtime.common.threads import cores
 from runtime.errors import IdentificationError, RuntimeFault
 from runtime.estimators.convex.compiled import solve, solve_many
@@ -384,19 +383,19 @@ def prior_text(
         f"trust = {fit.trust!r}",
         "",
         "[fleet]",
-        f"robot = {_text(lib.name)}",
-        f"model_hash = {_text(lib.manifest.model_hash)}",
+        f"robot = {toml_value(lib.name)}",
+        f"model_hash = {toml_value(lib.manifest.model_hash)}",
         f"units = {len(names) - len(out)}",
         f"kappa = {fit.kappa!r}",
         f"kappa_interval = [{low!r}, {high!r}]",
         f"spread_percent = {100 / np.sqrt(fit.kappa):.6g}",
-        f"stand_out = [{', '.join(map(_text, out))}]",
+        f"stand_out = {toml_value(out)}",
         "",
         "[centre]",
         f"# {', '.join(PI_NAMES)}: kg, kg*m, kg*m^2, inertia about the origin of the link frame",
     ]
     for name, body in zip(lib.link_names, links(fit.centre), strict=True):
-        lines.append(f"{_text(name)} = [{', '.join(map(repr, body.tolist()))}]")
+        lines.append(f"{toml_value(name)} = {toml_value(body.tolist())}")
     known = np.isfinite(friction.sigma) & (friction.sigma > 0)
     if known.any():
         needed = widths_of(friction.columns)
@@ -405,19 +404,19 @@ def prior_text(
         lines += [f"{key} = {width!r}" for key, width in pairs if key in needed]
     for j, joint in enumerate(lib.joint_names):
         if known[j].any():
-            lines += ["", f"[friction.{_text(joint)}]"]
+            lines += ["", f"[friction.{toml_value(joint)}]"]
         for k in np.flatnonzero(known[j]):
-            pair = f"[{float(friction.mean[j, k])!r}, {float(friction.sigma[j, k])!r}]"
-            lines.append(f"{_text(friction.columns[k])} = {pair}")
+            pair = [float(friction.mean[j, k]), float(friction.sigma[j, k])]
+            lines.append(f"{toml_value(friction.columns[k])} = {toml_value(pair)}")
     if noise is not None:
         lines += [
             "",
             "[noise]",
             "# inflation N/N_eff; per joint the standard deviation of the torque",
+            f"inflation = {noise.inflation!r}",
         ]
-        lines.append(f"inflation = {noise.inflation!r}")
         pairs_of_noise = zip(lib.joint_names, noise.sigma.tolist(), strict=True)
-        lines += [f"{_text(joint)} = {sigma!r}" for joint, sigma in pairs_of_noise]
+        lines += [f"{toml_value(joint)} = {sigma!r}" for joint, sigma in pairs_of_noise]
     return "\n".join(lines) + "\n"
 
 
@@ -428,11 +427,6 @@ def write_prior(path: Path, text: str, lib: Library) -> None:
     known = read_prior(path, lib)
     if known.centre is None or not np.isfinite(known.centre).all():
         raise RuntimeFault(f"'{path}' cannot be read again; report this with the statistics")
-
-
-def _text(value: str) -> str:
-    """A TOML string; its escapes are those of JSON without DEL."""
-    return json.dumps(value, ensure_ascii=True)
 
 
 def fit_noise(units: Sequence[Unit], fit: FleetFit) -> NoiseFloor | None:

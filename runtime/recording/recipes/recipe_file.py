@@ -6,13 +6,13 @@ written without defaults and with one line per list, which tomli-w would break i
 
 import dataclasses
 import difflib
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from runtime.common.files import toml_value
 from runtime.common.records import record_from_table, record_from_toml
 from runtime.errors import RecordingError
 from runtime.recording.formats import FORMATS
@@ -165,17 +165,3 @@ def _table(facts: dict[str, Any], path: tuple[str, ...]) -> Iterator[str]:
 def _key(key: str) -> str:
     bare = key.replace("_", "").replace("-", "")
     return key if bare.isascii() and bare.isalnum() else toml_value(key)
-
-
-def toml_value(value: Any) -> str:
-    """A number, a text, a truth value or a tuple of them."""
-    if isinstance(value, tuple):
-        rows = value and isinstance(value[0], tuple)
-        inner = (",\n    " if rows else ", ").join(map(toml_value, value))
-        return f"[\n    {inner},\n]" if rows else f"[{inner}]"
-    if isinstance(value, str):
-        # TOML has no \/ and JSON no DEL; all other escapes are the same.
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return repr(value)

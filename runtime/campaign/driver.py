@@ -7,6 +7,7 @@ stopped at the first sample that a guard refuses, where no sample arrives, and o
 included; the samples up to there are kept.
 """
 
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -118,9 +119,9 @@ class Driver(ABC):
         self.lib = lib
         self.rate_hz = rate_hz
 
-    @abstractmethod
     def clock(self) -> float:
-        """Clock of the driver [s], which never goes back."""
+        """Clock of the driver [s], which never goes back; by default that of this computer."""
+        return time.monotonic()
 
     @abstractmethod
     def state(self) -> Sample:

@@ -80,19 +80,15 @@ def target_of(text: str) -> Target:
 
 def reached(target: Target, result: Identification, motion: Trajectory) -> float:
     """Standard deviation of the quantity of a target, by the posterior of a result."""
-    lib, spread = result.lib, base_covariance(result)
-    if target.kind == "v":
-        seen = np.sum(unseen_joints(lib, motion.home), axis=0)
-        return float(np.sqrt(np.sum(seen * spread)))
-    if target.kind == "a":
-        size = sizes(lib, information(lib))
-        return float(np.sqrt(np.mean(np.diag(spread) / size**2)))
+    lib = result.lib
+    if target.kind != "payload":
+        return size_of(lib, target, motion.home, ModelError())(NOISE, _uncertainty(result).root)
     # The error of the arm counts: information Tᵀ (G⁻¹ + C)⁻¹ T of the payload, with
     # G the information of this motion, C the covariance of β, T the columns of K of the last link.
     noise, rate = torque_noise(result)
     of_motion = covariance_of(lib, motion, information(lib, noise, rate), (OFFSET.name,))
     columns = lib.base_matrix[:, -N_PARAMETERS:]
-    ten = covariance(columns.T @ np.linalg.solve(of_motion + spread, columns))
+    ten = covariance(columns.T @ np.linalg.solve(of_motion + base_covariance(result), columns))
     if ten is None:
         raise IdentificationError(
             f"a payload is not identifiable on '{lib.name}' by this motion; state v or a as target"

@@ -4,7 +4,6 @@ Positions are commanded to the joint impedance controller; τ is the measured to
 `tau_J`, with gravity. libfranka ends a motion by itself where commands do not arrive in time.
 """
 
-import time
 from typing import Any
 
 from runtime.campaign.driver import Driver, DriverMotion, NoSampleError, Reference, Sample
@@ -41,10 +40,6 @@ class FrankaDriver(Driver):
                 f"no connection to a Franka arm at '{address:.60}' ({error}); check the address "
                 "and that FCI is activated"
             ) from None
-
-    def clock(self) -> float:
-        """Monotonic clock of this computer [s]."""
-        return time.monotonic()
 
     def state(self) -> Sample:
         """Newest sample of the robot at rest."""

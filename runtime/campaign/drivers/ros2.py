@@ -7,7 +7,6 @@ was accepted: up to one period after the controller began. A stop cancels the go
 holds the arm.
 """
 
-import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -68,10 +67,6 @@ class RosDriver(Driver):
             )
         stamps = [self._next(WAIT_S).t for _ in range(COUNT)]
         self.rate_hz = 1 / float(np.median(np.diff(stamps)))
-
-    def clock(self) -> float:
-        """Monotonic clock of this computer [s]."""
-        return time.monotonic()
 
     def state(self) -> Sample:
         """Newest sample of the robot at rest."""

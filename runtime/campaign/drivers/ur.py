@@ -5,7 +5,6 @@ The arm measures currents, not torques: τ = K i with the gains K [N·m/A] of it
 gravity, and identify nothing.
 """
 
-import time
 from contextlib import suppress
 from typing import Any
 
@@ -57,10 +56,6 @@ class UrDriver(Driver):
             )
         super().__init__(lib, 1 / step)
         self._step, self._last = step, -np.inf
-
-    def clock(self) -> float:
-        """Monotonic clock of this computer [s]."""
-        return time.monotonic()
 
     def state(self) -> Sample:
         """Newest sample of the robot at rest."""

@@ -11,8 +11,6 @@ from runtime.common.terminal import say, say_notes, show
 from runtime.identification.evaluation import evaluate, position_table
 from runtime.identification.free_base.result import free_base_errors
 from runtime.identification.result_tables import error_table
-from runtime.identification.saved_result import SavedResult
-from runtime.library import Library
 from runtime.recording.free_base import read_free_base
 
 
@@ -42,8 +40,15 @@ def evaluate_command(given: EvaluateSettings) -> None:
     A log whose recipe names no filter is prepared in the same way as the log of identify.
     """
     saved, lib, notes = open_result(given, given.result, learned=True, free_base=True)
-    if saved.record.is_free:
-        _walking(saved, lib, given.log, given.cutoff, notes, given.as_json)
+    if saved.record.is_free:  # rows of a free base, low-passed as the log of identify
+        band = saved.preparation.cutoff_hz if given.cutoff is None else given.cutoff
+        names, of_rows = free_base_errors(read_free_base(Path(given.log)), lib, saved, band)
+        if given.as_json:
+            facts = {"robot": lib.name, "rows": list(names), "rms": of_rows, "notes": list(notes)}
+            print(json_text(facts, allow_nan=True), end="")
+            return
+        print_errors(f"{lib.name}: errors on {Path(given.log).name}", names, *of_rows.values())
+        say_notes(notes)
         return
     done = evaluate(
         given.result,
@@ -65,22 +70,3 @@ def evaluate_command(given: EvaluateSettings) -> None:
         show(position_table(saved.record.joints, done.position_errors))
     say(f"{done.mass_matrix.sentence()}.")
     say_notes(done.notes)
-
-
-def _walking(
-    saved: SavedResult,
-    lib: Library,
-    log: str,
-    cutoff: float | None,
-    notes: tuple[str, ...],
-    as_json: bool,
-) -> None:
-    """Print the errors of the rows of a free base, low-passed as the log of identify."""
-    band = saved.preparation.cutoff_hz if cutoff is None else cutoff
-    names, errors = free_base_errors(read_free_base(Path(log)), lib, saved, band)
-    if as_json:
-        facts = {"robot": lib.name, "rows": list(names), "rms": errors, "notes": list(notes)}
-        print(json_text(facts, allow_nan=True), end="")
-        return
-    print_errors(f"{lib.name}: errors on {Path(log).name}", names, *errors.values())
-    say_notes(notes)

@@ -12,7 +12,7 @@ from runtime.campaign.shortest_session import PlannedSession, shortest_session, 
 from runtime.cli.approach import SessionPlan, session_plan
 from runtime.cli.common import open_robot
 from runtime.cli.excite_settings import POSES, ExciteSettings
-from runtime.cli.motion_output import SAMPLED, certified_stages, designed_by, json_path
+from runtime.cli.motion_output import SAMPLED, certified_stages, json_path
 from runtime.cli.planned_log import planned_noise, require_gain_error
 from runtime.cli.predict import torque_sentence, unit_payload_sentence
 from runtime.common.files import replacing, require_unused
@@ -184,7 +184,8 @@ def excite_one(
     expected = predict(lib, optimum.trajectory, planned, planned.friction or FRICTION)
     write_trajectory(optimum, lib, path, expected, ways.parts, facts)
     motion = certified(lib, ways.around(optimum.trajectory), optimum.safety)
-    written = [path, *given.write_samples(motion, path, designed_by(optimum))]
+    sentence = f"Designed by symgen, condition number {optimum.condition:.4f}."
+    written = [path, *given.write_samples(motion, path, sentence)]
     if given.pictures:
         written += write_pictures(profile_of(motion), path.with_suffix(".png"))
     print_design(optimum, expected, lib, note)
@@ -194,8 +195,8 @@ def excite_one(
     notes += ways.sentences(optimum.trajectory)
     if session is not None:
         notes += session_notes(ways, session)
-    for sentence in notes:
-        say(sentence)
+    for each in notes:
+        say(each)
     given.write_stages(motion, path, written)
 
 

@@ -86,25 +86,21 @@ def fleet_command(given: FleetSettings) -> None:
     write_prior(given.out, prior_text(lib, names, fit, friction, fit_noise(units, fit)), lib)
     given.write(given.out)
     with replacing(beside) as file:
-        np.savez(file, **_arrays(names, fit, friction))
+        np.savez(
+            file,
+            names=np.asarray(names),
+            pi=fit.pi,
+            p_value=fit.p_value,
+            stands_out=fit.stands_out,
+            columns=np.asarray(friction.columns or ("",)),
+            phi=friction.units,
+        )
     remove_parts(parts)
     if given.as_json:
         print(json_text(_facts(lib, units, fit, friction, given.out)), end="")
         return
     _show(lib, units, fit)
     say(f"prior: {given.out}; use it with: identify LOG --prior {given.out}")
-
-
-def _arrays(names: list[str], fit: FleetFit, friction: FleetFriction) -> dict[str, Any]:
-    """Arrays of the file of units."""
-    return {
-        "names": np.asarray(names),
-        "pi": fit.pi,
-        "p_value": fit.p_value,
-        "stands_out": fit.stands_out,
-        "columns": np.asarray(friction.columns or ("",)),
-        "phi": friction.units,
-    }
 
 
 def _facts(

@@ -246,10 +246,7 @@ def runs_of(logs: Sequence[str], run: str | None) -> list[tuple[str, str | None]
 
 def prior_of(path: Path | None, lib: Library) -> PriorFile | None:
     """Inertial prior of --prior."""
-    if path is None:
-        return None
-
-    return read_prior(path, lib)
+    return None if path is None else read_prior(path, lib)
 
 
 def inputs_of(methods: Iterable[str], lib: Library, **files: Path | None) -> dict[str, Any]:

@@ -25,7 +25,6 @@ from runtime.excitation.proof.certificate import (
     Use,
     certified,
 )
-from runtime.excitation.search.design import Design
 from runtime.excitation.search.design_settings import LONGEST
 from runtime.library import Library
 from runtime.outputs.report.motion_figures import picture_paths
@@ -154,11 +153,6 @@ class MotionChoices(LimitChoices):
             say(f"exported: {', '.join(files)}, {stem}{CERTIFICATE}")
 
 
-def designed_by(optimum: Design) -> str:
-    """History of the log of a designed motion."""
-    return f"Designed by symgen, condition number {optimum.condition:.4f}."
-
-
 def certified_stages(
     motion: CertifiedMotion, percents: Sequence[float]
 ) -> dict[float, CertifiedMotion]:
@@ -210,15 +204,17 @@ def certificate_table(proof: Certificate) -> Table:
     return Table(
         ("limit", "use %", "margin %", "where", "time s", "intervals"),
         (
-            *((u.kind, *_amount(u), u.where, f"{u.time:.3f}", _proof(u)) for u in proof.uses),
+            *(
+                (
+                    *(u.kind, *_amount(u), u.where, f"{u.time:.3f}"),
+                    str(u.intervals) if u.is_proven else "measured",
+                )
+                for u in proof.uses
+            ),
             *((missing, "", "", "no limit stated", "", "") for missing in proof.unlimited),
             *((missing, "", "", "NOT checked", "", "") for missing in proof.unchecked),
         ),
     )
-
-
-def _proof(use: Use) -> str:
-    return str(use.intervals) if use.is_proven else "measured"
 
 
 def _amount(use: Use) -> tuple[str, str]:

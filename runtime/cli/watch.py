@@ -156,15 +156,11 @@ def _prepared(
 
 
 def _facts(verdict: Verdict) -> dict[str, Any]:
-    best = verdict.best
+    named = ("group", "where", "size", "interval", "unit")
     return {
         "log": verdict.log,
         "changed": verdict.changed,
-        "group": best.group if verdict.changed else None,
-        "where": best.where if verdict.changed else None,
-        "size": best.size if verdict.changed else None,
-        "interval": list(best.interval) if verdict.changed and best.interval else None,
-        "unit": best.unit if verdict.changed else None,
+        **{key: getattr(verdict.best, key) if verdict.changed else None for key in named},
         "p_value": verdict.p_value,
         "alpha": ALPHA,
         "n_eff": verdict.n_eff,
@@ -185,8 +181,7 @@ def _test_facts(test: Change) -> dict[str, Any]:
 def _sizes(verdict: Verdict) -> list[dict[str, Any]]:
     """Estimated size of every change that has one, for trends."""
     return [
-        {key: getattr(test, key) for key in ("group", "where", "size", "unit")}
-        | {"interval": list(test.interval)}
+        {key: getattr(test, key) for key in ("group", "where", "size", "unit", "interval")}
         for test in verdict.tests
         if test.size is not None and test.interval is not None
     ]

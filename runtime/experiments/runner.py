@@ -129,7 +129,9 @@ def _computed(
     request: Request,
 ) -> Generator[tuple[range, list[Row]], None, None]:
     if request.scheduler is not None and runs:
-        return on_workers(study, lib, config, needed, runs, request.scheduler)
+        place = lib.folder.resolve(), lib.level
+        prepare = partial(_prepared, study.name, place, config, dict(needed))
+        return on_cluster(prepare, _rows, [runs], request.scheduler, f"a chunk of '{study.name}'")
     threads = request.threads or cores()
     return ((numbers, study.run(prepared, numbers, threads)) for numbers in runs)
 
@@ -163,20 +165,6 @@ def _clear(folder: Path) -> None:
     files = [folder / name for name in (RESULT, TRIALS, SERIES, CONFIG)]
     for path in [*files, *(folder / "chunks").glob("*")]:
         path.unlink(missing_ok=True)
-
-
-def on_workers(
-    study: Study,
-    lib: Library,
-    config: StudyConfig,
-    needed: Arrays,
-    runs: Sequence[range],
-    scheduler: str,
-) -> Generator[tuple[range, list[Row]], None, None]:
-    """Compute ranges of trials on a dask cluster."""
-    place = lib.folder.resolve(), lib.level
-    prepare = partial(_prepared, study.name, place, config, dict(needed))
-    return on_cluster(prepare, _rows, [runs], scheduler, f"a chunk of '{study.name}'")
 
 
 def _prepared(

@@ -120,10 +120,8 @@ def run_campaign(
     model: ArmModel | None = None
     agreement: tuple[float, ...] | None = None
     k, seconds, sigma = 0, 0.0, float("inf")
-    while True:
-        is_known = k >= LEAST_MOTIONS and sigma <= target.value
-        if is_known or seconds + plan.seconds(k + 1) > plan.most_seconds:
-            break
+    is_reached = False
+    while not is_reached and seconds + plan.seconds(k + 1) <= plan.most_seconds:
         k += 1
         motion = _designed(lib, plan, target, folder / f"motion-{k}.json", k, model, safety)
         say(f"motion {k}: {motion.duration:g} s")
@@ -160,7 +158,11 @@ def run_campaign(
         state["motions"] = [*state["motions"][: k - 1], facts]
         write_json(folder / STATE, state, allow_nan=True)
         say(f"motion {k}: σ is {target.shown(sigma)}, the target {target.shown(target.value)}")
-    outcome = _outcome(sigma, k, seconds, target)
+        is_reached = k >= LEAST_MOTIONS and sigma <= target.value
+    how = "reached" if is_reached else "not reached within the time"
+    known = f"σ is {target.shown(sigma)}" if k else "no motion fits into the time"
+    sentence = f"the target {target.text} is {how}: {known}, {k} motions, {seconds:g} s of motion"
+    outcome = CampaignOutcome(is_reached, sigma, k, seconds, sentence)
     with replacing(folder / REPORT) as file:
         file.write(_report(folder, lib, plan, target, outcome).encode())
     return outcome
@@ -234,14 +236,6 @@ def _recorded(
         f"{name} was stopped after {done.stop.seconds:.3f} s by {done.stop.guard} "
         f"({done.stop.sentence}); its samples are in '{kept}'; repeat the command to continue"
     )
-
-
-def _outcome(sigma: float, k: int, seconds: float, target: Target) -> CampaignOutcome:
-    is_reached = k >= LEAST_MOTIONS and sigma <= target.value
-    how = "reached" if is_reached else "not reached within the time"
-    known = f"σ is {target.shown(sigma)}" if k else "no motion fits into the time"
-    sentence = f"the target {target.text} is {how}: {known}, {k} motions, {seconds:g} s of motion"
-    return CampaignOutcome(is_reached, sigma, k, seconds, sentence)
 
 
 def _report(

@@ -17,13 +17,12 @@ from runtime.cli.planned_log import (
     EarlierLogs,
     NoiseModel,
     PayloadOnly,
-    counted,
     information_of,
 )
 from runtime.common.settings import data_field, method_field, model_field, output_field
 from runtime.common.terminal import completing
 from runtime.common.threads import cores
-from runtime.errors import RuntimeFault
+from runtime.errors import IdentificationError, RuntimeFault
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.motion.trajectory import BASES, basis_of
 from runtime.excitation.search.criteria import CRITERIA, criterion_of
@@ -208,6 +207,11 @@ class ExciteSettings(MotionChoices):
             *(self.noise_model, self.cutoff),
         )
         is_informed = criterion_of(wanted).needs_information or bool(self.earlier_log) or alone
+        if planned.spectrum is not None and not is_informed:
+            raise IdentificationError(
+                f"criterion {wanted} counts neither noise nor filter; leave out the settings "
+                "cutoff and noise_model, or give another --criterion such as v"
+            )
         home = None
         if self.home is not None:
             home = np.array(numbers_option(self.home, lib.n_joints, "the setting home"))
@@ -219,7 +223,7 @@ class ExciteSettings(MotionChoices):
             home=home,
             criterion=wanted,
             basis=basis_of(self.basis, self.zero_jerk),
-            information=counted(planned, wanted, is_informed),
+            information=planned if is_informed else None,
             safety=safety,
             margin=self.share,
         )

@@ -26,13 +26,6 @@ from runtime.identification.payload.body import (
 from runtime.library import Array, Library
 from runtime.library.parameters import link_columns
 
-CARRY = (
-    "Body in the hand, part of torques and distances; without it the hand is empty. "
-    "MASS,CX,CY,CZ,LX,LY,LZ in the frame of the tip: mass in kg, centre in m, edges of a box "
-    "around it in m; or a JSON with mass, com, inertia and box = [xmin, xmax, ymin, ymax, zmin, "
-    "zmax], such as payload.json with a box added."
-)
-"""Help of the option."""
 _WITH_BOX = 7
 """Count of the numbers of a body with the edges of its box."""
 BOX = 6
@@ -91,7 +84,13 @@ class LimitChoices(PlaceChoices):
         "carried-body, springs-of-unknown-stiffness; with --settings document=true torque, "
         "position-dependent-velocity, torque-rate and tip-speed too; all for every one.",
     )
-    carry: str | None = model_field(metavar="BODY", help=CARRY)
+    carry: str | None = model_field(
+        metavar="BODY",
+        help="Body in the hand, part of torques and distances; without it the hand is empty. "
+        "MASS,CX,CY,CZ,LX,LY,LZ in the frame of the tip: mass in kg, centre in m, edges of a box "
+        "around it in m; or a JSON with mass, com, inertia and box = [xmin, xmax, ymin, ymax, "
+        "zmin, zmax], such as payload.json with a box added.",
+    )
     torque_fraction: float = model_field(
         0.95, help="Fraction of the torque limits that the motion may use, 0 to 1."
     )
@@ -130,12 +129,17 @@ class LimitChoices(PlaceChoices):
     def limits(self, lib: Library) -> Safety:
         """All limits besides those that the robot states."""
         body = carried_body(lib, self.carry)
+        band = np.zeros(len(lib.pi0))  # half-widths of the parameters of all links
+        if self.payload_band is not None:
+            band += band_of_payload(lib, self.payload_band, body)
+        if self.model_band is not None:
+            band += band_of_prior(lib, self.model_band)
         return self.safety(
             torque_fraction=self.torque_fraction,
             viscous=_per_joint(lib, self.viscous, "the setting viscous"),
             coulomb=_per_joint(lib, self.coulomb, "the setting coulomb"),
             carried=body,
-            band=band_of(lib, self.payload_band, self.model_band, body),
+            band=tuple(band.tolist()) if band.any() else (),
             friction_band=(self.friction_band or 0.0) / 100,
         )
 
@@ -185,17 +189,16 @@ def _body_and_box(text: str) -> tuple[KnownPayload, Array | None]:
         body = read_known_payload(text)
         return body, _box_of(json_of(Path(text)).get("box"), text)
     words = text.split(",")
-    if len(words) != _WITH_BOX:
-        try:
-            return read_known_payload(text), None
-        except RecordingError:
-            raise _no_body(text) from None
+    edges = words[4:] if len(words) == _WITH_BOX else []
     try:
-        edges = np.array([float(word) for word in words[4:]])
-        body = read_known_payload(",".join(words[:4]))
+        half = np.array([float(word) for word in edges]) / 2
+        body = read_known_payload(",".join(words[:4]) if edges else text)
     except (ValueError, RecordingError):
-        raise _no_body(text) from None
-    return body, np.array([body.com - edges / 2, body.com + edges / 2])
+        raise RecordingError(
+            "--carry needs MASS,CX,CY,CZ,LX,LY,LZ (kg and m), the same without edges, ten numbers "
+            f"with the inertia, or a file that ends in .json; got '{text}'"
+        ) from None
+    return body, np.array([body.com - half, body.com + half]) if edges else None
 
 
 def _box_of(entry: object, text: str) -> Array | None:
@@ -228,30 +231,6 @@ def _placed(mount: Mount, box: Array) -> CarriedBox:
         tuple(tuple(row) for row in mount.rotation.tolist()),
         tuple((box[1] - box[0]).tolist()),
     )
-
-
-def _no_body(text: str) -> RecordingError:
-    return RecordingError(
-        "--carry needs MASS,CX,CY,CZ,LX,LY,LZ (kg and m), the same without edges, ten numbers with "
-        f"the inertia, or a file that ends in .json; got '{text}'"
-    )
-
-
-def band_of(
-    lib: Library, payload: str | None, model: str | None, body: CarriedBody | None
-) -> tuple[float, ...]:
-    """Half-widths of the parameters of all links by both options.
-
-    Returns (10 L,) [kg, kg·m, kg·m²].
-    """
-    if payload is None and model is None:
-        return ()
-    band = np.zeros(len(lib.pi0))
-    if payload is not None:
-        band += band_of_payload(lib, payload, body)
-    if model is not None:
-        band += band_of_prior(lib, model)
-    return tuple(band.tolist())
 
 
 def band_of_prior(lib: Library, trust: str) -> Array:

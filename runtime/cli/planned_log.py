@@ -148,27 +148,6 @@ def planned_noise(
     return TorqueNoise(noise.sigma, noise.repeated / moved.rate, moved.name, spectrum)
 
 
-def counted(planned: Information, criterion: str, is_informed: bool) -> Information | None:
-    """Information for a criterion; None where it is of the regressor alone."""
-    if planned.spectrum is not None and not is_informed:
-        raise IdentificationError(
-            f"criterion {criterion} counts neither noise nor filter; leave out the settings cutoff "
-            "and noise_model, or give another --criterion such as v"
-        )
-    return planned if is_informed else None
-
-
-def with_spectrum(planned: Information, noise: TorqueNoise, cutoff: float | None) -> Information:
-    """Information with the spectrum of the noise and the planned filter."""
-    if noise.spectrum is None and cutoff is None:
-        return planned
-    n = len(planned.noise)
-    spectrum = noise.spectrum or NoiseSpectrum(np.zeros(0), np.zeros((0, n)))
-    if cutoff is not None:
-        spectrum = replace(spectrum, cutoff_hz=cutoff)
-    return replace(planned, spectrum=spectrum)
-
-
 def _is_number(word: str) -> bool:
     try:
         float(word)
@@ -204,7 +183,10 @@ def information_of(
     torque = planned_noise(lib, noise, columns, model)
     sigma, independent = torque.sigma, rate / torque.rows_per_independent(rate)
     planned = information(lib, sigma, independent, payload=payload_only, friction=columns)
-    planned = with_spectrum(planned, torque, cutoff)
+    if torque.spectrum is not None or cutoff is not None:
+        spectrum = torque.spectrum or NoiseSpectrum(np.zeros(0), np.zeros((0, lib.n_joints)))
+        spectrum = spectrum if cutoff is None else replace(spectrum, cutoff_hz=cutoff)
+        planned = replace(planned, spectrum=spectrum)
     if not logs:
         return planned, torque.sentence()
     recordings = [read_recording(log, joints=lib.joint_names) for log in logs]

@@ -11,7 +11,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from typing import Any
 
@@ -45,11 +45,10 @@ def answer_of(module: str, job: Mapping[str, Any], limits: Limits) -> dict[str, 
     spec = find_spec(module)
     if spec is None or spec.origin is None:
         raise ImportError(f"module '{module}' is not found")
-    bounds = {"seconds": limits.seconds, "memory": limits.memory, "file": limits.file}
     try:
         run = subprocess.run(
             [sys.executable, "-I", "-B", "-c", _PROGRAM, json.dumps(sys.path), spec.origin],
-            input=json.dumps({"job": dict(job), "limits": bounds}).encode(),
+            input=json.dumps({"job": dict(job), "limits": asdict(limits)}).encode(),
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             timeout=limits.patience,
@@ -79,7 +78,7 @@ def serve(work: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
         sys.exit(3)
 
 
-def _limit(limits: Mapping[str, int]) -> None:
+def _limit(limits: Mapping[str, Any]) -> None:
     """Limit processor time, memory and files that are written; no core is left."""
     if resource is None:
         return

@@ -4,6 +4,8 @@ Positions are commanded to the joint impedance controller; τ is the measured to
 `tau_J`, with gravity. libfranka ends a motion by itself where commands do not arrive in time.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from runtime.campaign.driver import Driver, DriverMotion, NoSampleError, Reference, Sample
@@ -43,22 +45,14 @@ class FrankaDriver(Driver):
 
     def state(self) -> Sample:
         """Newest sample of the robot at rest."""
-        try:
+        with self._expecting("a state of the robot", _READY):
             return self._sample(self._robot.read_once())
-        except self._franka.FrankaException as error:
-            raise NoSampleError(
-                f"expected a state of the robot, libfranka says: {error}; {_READY}"
-            ) from None
 
     def begin(self, motion: DriverMotion) -> None:
         """Start the control of joint positions."""
         mode = self._franka.ControllerMode.JointImpedance
-        try:
+        with self._expecting("control of the joints", _READY):
             self._control = self._robot.start_joint_position_control(mode)
-        except self._franka.FrankaException as error:
-            raise NoSampleError(
-                f"expected control of the joints, libfranka says: {error}; {_READY}"
-            ) from None
 
     def exchange(self, reference: Reference) -> Sample:
         """Wait for the state of this millisecond and command the reference."""
@@ -81,14 +75,17 @@ class FrankaDriver(Driver):
             return  # The connection is lost: the control unit has stopped the arm itself.
 
     def _exchanged(self, command: Any) -> Sample:
-        try:
+        with self._expecting("the next state", _CLEARED):
             state, _ = self._control.readOnce()
             self._control.writeOnce(command)
-        except self._franka.FrankaException as error:
-            raise NoSampleError(
-                f"expected the next state, libfranka says: {error}; {_CLEARED}"
-            ) from None
         return self._sample(state)
+
+    @contextmanager
+    def _expecting(self, what: str, remedy: str) -> Iterator[None]:
+        try:
+            yield
+        except self._franka.FrankaException as error:
+            raise NoSampleError(f"expected {what}, libfranka says: {error}; {remedy}") from None
 
     def _sample(self, state: Any) -> Sample:
         q, dq, tau = (row_of(getattr(state, k), self.lib, k) for k in ("q", "dq", "tau_J"))

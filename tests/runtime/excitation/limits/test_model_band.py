@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from runtime.cli.motion_limits import band_of, band_of_payload, band_of_prior
+from runtime.cli.motion_limits import LimitChoices, band_of_payload, band_of_prior
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.nonlinear_limits import SampledMotion
@@ -19,7 +19,7 @@ MASS, REACH = 0.7, 0.1
 
 @pytest.fixture(scope="module")
 def safety(lib: Library) -> Safety:
-    band = band_of(lib, f"{MASS},{REACH}", None, None)
+    band = LimitChoices(payload_band=f"{MASS},{REACH}").limits(lib).band
     return Safety(viscous=(3.0,), coulomb=(1.0,), band=band, friction_band=0.25)
 
 
@@ -132,9 +132,11 @@ def test_the_band_of_the_prior(lib: Library) -> None:
     # Scaling P by 1 + ε has the length ‖1‖ = 2; other directions change the mass further.
     assert (band[::10] >= 1.96 * lib.pi0[::10] / np.sqrt(4 * 16.0) - 1e-4).all()
     assert band_of_prior(lib, "4") == pytest.approx(2 * band, rel=1e-12)
-    both = np.array(band_of(lib, "0.5,0.1", "cad", None))
-    assert both == pytest.approx(band + band_of_payload(lib, "0.5,0.1", None), rel=1e-12)
-    assert band_of(lib, None, None, None) == ()
+    both = LimitChoices(payload_band="0.5,0.1", model_band="cad").limits(lib)
+    assert np.array(both.band) == pytest.approx(
+        band + band_of_payload(lib, "0.5,0.1", None), rel=1e-12
+    )
+    assert LimitChoices().limits(lib).band == ()
     with pytest.raises(
         Exception, match="the setting model_band needs cad, gripper, none or a trust above 0"
     ):

@@ -27,7 +27,7 @@ from rich.progress import (
 from runtime.common.files import bytes_of, json_of, replacing, require_unused
 from runtime.common.settings import FILE, Choices, data_option, output_option
 from runtime.common.terminal import completing, console, program
-from runtime.common.user_builds import built_robots
+from runtime.common.user_builds import generated_here
 from runtime.errors import IdentificationError, LibraryError, RuntimeFault
 from runtime.library import Library, load
 from runtime.library.library import ForeignRobotError, find
@@ -47,10 +47,7 @@ Yes = Annotated[
 
 def robots(incomplete: str) -> list[str]:
     """Names of generated robots: of the package, the working directory and all builds."""
-    package = Path(__file__).parents[1]
-    roots = [folder / "generated" for folder in (package, package.parent, Path())]
-    names = {path.parent.name for root in roots for path in root.glob("*/manifest.json")}
-    return completing(names | built_robots().keys())(incomplete)
+    return completing([folder.name for folder in generated_here()])(incomplete)
 
 
 Robot = Annotated[

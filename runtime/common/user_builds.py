@@ -21,6 +21,8 @@ from runtime.common.files import json_of
 
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 """Name of a robot; any other word is the path of a folder."""
+DEFAULT_ROOT = Path("generated")
+"""Folder with one subfolder per robot."""
 
 
 def is_safe_from_others(path: Path) -> bool:
@@ -74,6 +76,21 @@ def built_folders(robot: str) -> list[Path]:
 def built_robots() -> dict[str, Path]:
     """Names of all robots that this user has built → folder of the last build."""
     return dict(reversed(_builds()))
+
+
+def generated_here(out: Path = DEFAULT_ROOT) -> list[Path]:
+    """Generated folders of a place; of `DEFAULT_ROOT` those of the package and of this user too."""
+    package = Path(__file__).parents[2]  # generated/ lies beside symgen, or in runtime if installed
+    roots = [out]
+    if out == DEFAULT_ROOT:
+        roots += [package / "generated", package / "runtime" / "generated"]
+    folders: dict[str, Path] = {}
+    for root in roots:
+        for folder in sorted(root.glob("[a-z]*/")):
+            if (folder / "manifest.json").exists():
+                folders.setdefault(folder.name, folder)
+    others = built_robots() if out == DEFAULT_ROOT else {}
+    return list((others | folders).values())
 
 
 def _builds() -> list[tuple[str, Path]]:

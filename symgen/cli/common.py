@@ -7,18 +7,17 @@ import typer
 
 from runtime.common.settings import data_option, model_option, output_option
 from runtime.common.terminal import completing
-from runtime.common.user_builds import built_robots
+from runtime.common.user_builds import generated_here
 from symgen.errors import BuildError
 
 RootOption = Annotated[
     Path, output_option("--out", help="Folder with one subfolder per robot.", show_default=True)
 ]
-DEFAULT_ROOT = Path("generated")
 
 
 def robots(incomplete: str) -> list[str]:
     """Names of generated robots that begin so."""
-    return completing([folder.name for folder in generated_here(DEFAULT_ROOT)])(incomplete)
+    return completing([folder.name for folder in generated_here()])(incomplete)
 
 
 RobotArgument = Annotated[
@@ -99,21 +98,6 @@ def read_arguments(items: list[str]) -> dict[str, str]:
             raise BuildError(f"the setting arg needs NAME=VALUE, got '{item}'")
         arguments[name] = value
     return arguments
-
-
-def generated_here(out: Path) -> list[Path]:
-    """Generated folders of a place; of `DEFAULT_ROOT` those of the package and of this user too."""
-    package = Path(__file__).parents[2]  # generated/ lies beside symgen, or in runtime if installed
-    roots = [out]
-    if out == DEFAULT_ROOT:
-        roots += [package / "generated", package / "runtime" / "generated"]
-    folders: dict[str, Path] = {}
-    for root in roots:
-        for folder in sorted(root.glob("[a-z]*/")):
-            if (folder / "manifest.json").exists():
-                folders.setdefault(folder.name, folder)
-    others = built_robots() if out == DEFAULT_ROOT else {}
-    return list((others | folders).values())
 
 
 def folders_of(out: Path, robot: str | None) -> list[Path]:

@@ -12,10 +12,10 @@ import typer
 from runtime.common.records import record_from_toml
 from runtime.common.settings import Choices, data_field, method_field, model_field, output_field
 from runtime.common.terminal import completing, console, say
+from runtime.common.user_builds import DEFAULT_ROOT
 from symgen.chain import ChainOptions, read_chain
 from symgen.chain.mechanism import Mechanism, mechanism_from_table
 from symgen.cli.common import (
-    DEFAULT_ROOT,
     ArgumentOption,
     BaseOption,
     ConfigOption,

@@ -10,15 +10,8 @@ from runtime.common.files import json_of
 from runtime.common.settings import Choices, argument_field, output_field
 from runtime.common.tables import Table
 from runtime.common.terminal import say, show
-from runtime.common.user_builds import built_robots
-from symgen.cli.common import (
-    DEFAULT_ROOT,
-    RobotArgument,
-    RootOption,
-    folders_of,
-    generated_here,
-    robots,
-)
+from runtime.common.user_builds import DEFAULT_ROOT, built_robots, generated_here
+from symgen.cli.common import RobotArgument, RootOption, folders_of, robots
 from symgen.errors import BuildError
 from symgen.make import bundled_robots
 from symgen.mechanics.combination import describe_combination

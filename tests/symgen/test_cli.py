@@ -10,10 +10,9 @@ from pathlib import Path
 import pytest
 
 from runtime.cli.common import robots as complete_robot
-from runtime.common.user_builds import record_build
+from runtime.common.user_builds import DEFAULT_ROOT, generated_here, record_build
 from runtime.library import Library
 from symgen.cli import main
-from symgen.cli.common import DEFAULT_ROOT, generated_here
 from tests.conftest import REPOSITORY, TINY_URDF
 from tests.robots import ONE_LEVEL
 from tests.symgen.builds import snapshot

@@ -7,7 +7,6 @@ import numpy as np
 import typer
 
 from runtime.campaign.campaign import Plan, run_campaign
-from runtime.campaign.driver import Driver
 from runtime.campaign.drivers import DRIVERS, DriverSettings
 from runtime.campaign.shortest_session import target_of
 from runtime.cli.common import Seed, numbers_option, open_robot, sentences_of
@@ -16,7 +15,6 @@ from runtime.common.files import json_text
 from runtime.common.settings import method_field, model_field, output_field
 from runtime.common.terminal import completing, say
 from runtime.errors import IdentificationError
-from runtime.library import Library
 
 NOT_REACHED = 1
 """Exit code where the time ended before the target was reached."""
@@ -98,7 +96,12 @@ def campaign_command(given: CampaignSettings) -> None:
     )
     lib = open_robot(given.robot, given.yes)
     safety = given.safety()
-    robot_driver = opened_driver(lib, given.driver, given.gains, given.seed, given.truth_seed)
+    gains = None
+    if given.gains is not None:
+        gains = np.array(numbers_option(given.gains, lib.n_joints, "the setting gains"))
+    name, _, address = given.driver.partition(":")
+    settings = DriverSettings(address, given.seed, given.truth_seed, gains)
+    robot_driver = DRIVERS[name].open(lib, settings)
     try:
         report = (lambda _: None) if given.as_json else say
         outcome = run_campaign(robot_driver, plan, wanted, given.out, report, safety=safety)
@@ -113,19 +116,6 @@ def campaign_command(given: CampaignSettings) -> None:
         say(outcome.sentence)
     if not outcome.is_reached:
         raise typer.Exit(NOT_REACHED)
-
-
-def opened_driver(
-    lib: Library, text: str, gains: str | None, seed: int = 0, truth_seed: int = 0
-) -> Driver:
-    """Driver of --driver."""
-    name, _, address = text.partition(":")
-    known = (
-        None
-        if gains is None
-        else np.array(numbers_option(gains, lib.n_joints, "the setting gains"))
-    )
-    return DRIVERS[name].open(lib, DriverSettings(address, seed, truth_seed, known))
 
 
 def _speeds(text: str) -> tuple[float, ...]:

@@ -34,15 +34,6 @@ _FILES = ("result.json", "predictions.npz", "posterior.npz", "identified.urdf", 
 WRITTEN = ResultFolder(_FILES, "robot")
 
 
-def require_fixed_base(lib: Library, rows: str | None) -> None:
-    """Refuse the setting rows for a robot whose base is fixed."""
-    if rows is not None:
-        raise IdentificationError(
-            f"the setting rows belongs to robots with a free base, and that of '{lib.name}' is "
-            "fixed; leave it out, or build the robot with --floating"
-        )
-
-
 def _of_drives(
     given: IdentifySettings, recording: FreeBaseRecording
 ) -> tuple[tuple[str, ...], float | None]:

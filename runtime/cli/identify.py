@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from runtime.cli.common import ResultFolder, counting, open_robot, state
-from runtime.cli.free_base import identify_free_base_log, require_fixed_base
+from runtime.cli.free_base import identify_free_base_log
 from runtime.cli.identify_settings import IdentifySettings
 from runtime.cli.log_options import prior_of, runs_of
 from runtime.cli.shown_progress import shown_progress
@@ -243,7 +243,11 @@ def identify_command(given: IdentifySettings) -> None:
     if lib.manifest.floating:
         identify_free_base_log(lib, given, prior_of(given.prior, lib))
         return
-    require_fixed_base(lib, given.rows)
+    if given.rows is not None:
+        raise IdentificationError(
+            f"the setting rows belongs to robots with a free base, and that of '{lib.name}' is "
+            "fixed; leave it out, or build the robot with --floating"
+        )
     settings = given.fitted(lib)
     inspect = _inspection(given)
     runs = runs_of(given.logs, given.run)

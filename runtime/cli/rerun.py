@@ -97,9 +97,5 @@ def _unequal(first: Any, again: Any, place: str) -> Iterator[str]:
     elif isinstance(first, list) and isinstance(again, list) and len(first) == len(again):
         for k, both in enumerate(zip(first, again, strict=True)):
             yield from _unequal(*both, f"{place}[{k}]")
-    elif first != again and not _are_nan(first, again):
+    elif first != again and not all(isinstance(x, float) and math.isnan(x) for x in (first, again)):
         yield f"{place} was {first!r}, is {again!r}"
-
-
-def _are_nan(*values: Any) -> bool:
-    return all(isinstance(each, float) and math.isnan(each) for each in values)

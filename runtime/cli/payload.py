@@ -7,11 +7,8 @@ from runtime.cli.common import ResultFolder, open_robot
 from runtime.cli.log_options import BodyChoices
 from runtime.common.files import json_text
 from runtime.common.settings import argument_field, data_field, model_field, output_field
-from runtime.common.tables import Table
 from runtime.common.terminal import command_line, say, say_notes, show
-from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.payload.arm_error import arm_model, read_arm_model
-from runtime.identification.payload.body import NAMES, Payload
 from runtime.identification.payload.estimate import GAINS, identify_payload
 from runtime.identification.payload.output import FILES, load_facts, write_payload
 from runtime.identification.prepared_log import filter_for_accelerations
@@ -19,7 +16,6 @@ from runtime.recording import read_recording
 from runtime.recording.coupled_joints import independent_joints
 
 _WRITTEN = ResultFolder(FILES, "set_load")
-_UNITS = ("kg", *("m",) * 3, *("kg·m²",) * 6)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,28 +92,10 @@ def payload_command(given: PayloadSettings) -> None:
     if given.as_json:
         print(json_text(load_facts(payload, lib)), end="")
         return
-    show(_table(payload))
+    for table in payload.tables():
+        show(table)
     say(f"status: {payload.status}")
     way = "against the empty run" if payload.differential else f"arm: {payload.arm}"
     say(f"{way}; {payload.n_samples} samples count as {payload.n_effective:.0f} independent ones")
     say_notes((*chosen, *payload.notes))
     say(f"written: {', '.join(map(str, paths))}")
-
-
-def _table(payload: Payload) -> Table:
-    title = f"Payload on {payload.mount.link}, in the frame of {payload.mount.frame}"
-    body, white = payload.body, payload.white
-    rows = tuple(
-        (
-            name,
-            f"{body.values[k]:.6g}",
-            f"{NORMAL_95 * body.sigma[k]:.2g}",
-            f"{NORMAL_95 * white.sigma[k]:.2g}",
-            unit,
-            "from the prior" if name in payload.prior_dominated else "",
-        )
-        for k, (name, unit) in enumerate(zip(NAMES, _UNITS, strict=True))
-    )
-    return Table(
-        ("value", "estimate", "± 95 %", "± 95 % white noise", "unit", ""), rows, title=title
-    )

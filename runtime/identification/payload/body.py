@@ -24,6 +24,7 @@ from runtime.common.files import json_of
 from runtime.common.tables import Table
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.convex.entropic_prior import Bodies, bodies_of
+from runtime.estimators.regression.samples import NORMAL_95
 from runtime.library import Array, Library
 from runtime.library.parameters import inertia_entries, inertia_matrix, link_columns
 from runtime.recording.notebook import Shown
@@ -272,13 +273,20 @@ class Payload(Shown):
     gain_error: float
 
     def tables(self) -> tuple[Table, ...]:
-        """The ten values with their standard deviations."""
+        """The ten values with their 95 % intervals, for N_eff samples and for white noise."""
         units = ("kg", *("m",) * 3, *("kg·m²",) * 6)
+        body, white = self.body, self.white
         rows = tuple(
-            (name, f"{value:.6g}", f"{sigma:.2g}", unit)
-            for name, value, sigma, unit in zip(
-                NAMES, self.body.values, self.body.sigma, units, strict=True
+            (
+                name,
+                f"{body.values[k]:.6g}",
+                f"{NORMAL_95 * body.sigma[k]:.2g}",
+                f"{NORMAL_95 * white.sigma[k]:.2g}",
+                unit,
+                "from the prior" if name in self.prior_dominated else "",
             )
+            for k, (name, unit) in enumerate(zip(NAMES, units, strict=True))
         )
-        title = f"payload on {self.mount.link}, frame {self.mount.frame}: {self.status}"
-        return (Table(("parameter", "value", "σ", "unit"), rows, title=title),)
+        head = ("value", "estimate", "± 95 %", "± 95 % white noise", "unit", "")
+        title = f"Payload on {self.mount.link}, in the frame of {self.mount.frame}"
+        return (Table(head, rows, title=title),)

@@ -143,21 +143,22 @@ def observe_command(given: ObserveSettings) -> None:
         check = verified(
             lib, detector, _read(lib, known, saved.log_of(given.free, lib, given.recipe), rate_hz)
         )
-    bag = torque_mcap.torque_mcap(lib.joint_names, data, seen) if given.mcap else None
-    texts, left_out = _in_c(lib, detector, np.median(signals.model_band, axis=0))
-    if bag is not None:
-        texts[torque_mcap.FILES[1]] = torque_mcap.plotjuggler_layout(lib.joint_names)
+    contents, left_out = _in_c(lib, detector, np.median(signals.model_band, axis=0))
+    if given.mcap:
+        bag, layout = torque_mcap.FILES
+        contents[bag] = torque_mcap.torque_mcap(lib.joint_names, data, seen)
+        contents[layout] = torque_mcap.plotjuggler_layout(lib.joint_names).encode()
     facts = _facts(lib, detector, seen, check, data, given.link, tails) | {
         "notes": [*notes, *(note if not tails else ()), *raised, *left_out]
     }
     _WRITTEN.begin(folder, given)
-    _write(lib, saved, seen, facts, folder)
-    for name, content in texts.items():
+    with replacing(folder / "external_torque.npz") as file:
+        np.savez_compressed(file, t=seen.t, r=seen.r, sigma=seen.sigma, threshold=seen.threshold)
+    write_json(folder / "contacts.json", facts | {"command": command_line()}, allow_nan=True)
+    draw_external_torque(seen, lib.joint_names, saved.record.units, folder / "external_torque.png")
+    for name, content in contents.items():
         with replacing(folder / name) as file:
-            file.write(content.encode())
-    if bag is not None:
-        with replacing(folder / torque_mcap.FILES[0]) as file:
-            file.write(bag)
+            file.write(content)
     if given.as_json:
         print(json_text(facts), end="")
     else:
@@ -200,10 +201,11 @@ def _root(model: Path, saved: SavedResult, lib: Library) -> tuple[Array | None, 
         return None, [f"thresholds are without the uncertainty of the model: {error}"]
 
 
-def _in_c(lib: Library, detector: Detector, band: Array) -> tuple[dict[str, str], list[str]]:
-    """Texts of the observer in C; a note where a part of the model has no C code."""
+def _in_c(lib: Library, detector: Detector, band: Array) -> tuple[dict[str, bytes], list[str]]:
+    """Files of the observer in C; a note where a part of the model has no C code."""
     try:
-        return observer_c(lib, detector, band), []
+        texts = observer_c(lib, detector, band)
+        return {name: text.encode() for name, text in texts.items()}, []
     except ExportError as error:
         return {}, [str(error)]
 
@@ -263,15 +265,6 @@ def _calibration(tails: tuple[Tail, ...], detector: Detector) -> dict[str, Any]:
         "largest": [float(tail.peaks[0]) for tail in tails],
         "shape": [tail.shape for tail in tails],
     }
-
-
-def _write(
-    lib: Library, saved: SavedResult, seen: Observation, facts: dict[str, Any], folder: Path
-) -> None:
-    with replacing(folder / "external_torque.npz") as file:
-        np.savez_compressed(file, t=seen.t, r=seen.r, sigma=seen.sigma, threshold=seen.threshold)
-    write_json(folder / "contacts.json", facts | {"command": command_line()}, allow_nan=True)
-    draw_external_torque(seen, lib.joint_names, saved.record.units, folder / "external_torque.png")
 
 
 def _show(facts: dict[str, Any], folder: Path) -> None:

@@ -24,14 +24,15 @@ class FrankaDriver(Driver):
 
     Args:
         lib: library of the robot.
-        address: IP address or name of its control unit.
+        settings: with the IP address or name of its control unit.
 
     Raises:
         SimulationError: pylibfranka is not installed, or the robot does not answer.
     """
 
-    def __init__(self, lib: Library, address: str) -> None:
+    def __init__(self, lib: Library, settings: DriverSettings) -> None:
         super().__init__(lib, RATE_HZ)
+        address = require_address(settings, NAME, "172.16.0.2")
         self._franka = imported("pylibfranka", NAME, "install it with: pip install pylibfranka")
         self._control: Any = None
         self._last = Reference(lib.home, 0 * lib.home, 0 * lib.home)
@@ -92,8 +93,4 @@ class FrankaDriver(Driver):
         return Sample(state.time.to_sec(), self.clock(), q, dq, tau)
 
 
-def _open(lib: Library, settings: DriverSettings) -> Driver:
-    return FrankaDriver(lib, require_address(settings, NAME, "172.16.0.2"))
-
-
-LIBFRANKA = DriverKind(NAME, "a Franka arm by pylibfranka, libfranka:ADDRESS", _open)
+LIBFRANKA = DriverKind(NAME, "a Franka arm by pylibfranka, libfranka:ADDRESS", FrankaDriver)

@@ -37,13 +37,13 @@ class RosDriver(Driver):
 
     Args:
         lib: library of the robot, whose joints have the names of the messages.
-        controller: name of the controller.
+        settings: the address is the name of the controller.
 
     Raises:
         SimulationError: ROS 2 is not installed, or the controller or its states are missing.
     """
 
-    def __init__(self, lib: Library, controller: str) -> None:
+    def __init__(self, lib: Library, settings: DriverSettings) -> None:
         self._ros = imported("rclpy", NAME, _SOURCE)
         self._action = imported("control_msgs.action", NAME, _SOURCE).FollowJointTrajectory
         self._point = imported("trajectory_msgs.msg", NAME, _SOURCE).JointTrajectoryPoint
@@ -56,7 +56,7 @@ class RosDriver(Driver):
         self._node = self._ros.create_node("symgen")
         self._inbox: list[Any] = []
         self._node.create_subscription(state, STATES, self._inbox.append, 100)
-        name = f"{controller}/follow_joint_trajectory"
+        name = f"{settings.address or CONTROLLER}/follow_joint_trajectory"
         self._client = client(self._node, self._action, name)
         self._goal: Any = None
         self._started, self._newest = 0.0, -np.inf
@@ -168,8 +168,4 @@ class RosDriver(Driver):
         return Sample(stamp.sec + 1e-9 * stamp.nanosec, self.clock(), q, dq, tau)
 
 
-def _open(lib: Library, settings: DriverSettings) -> Driver:
-    return RosDriver(lib, settings.address or CONTROLLER)
-
-
-ROS2 = DriverKind(NAME, "a joint trajectory controller of ROS 2, ros2:CONTROLLER", _open)
+ROS2 = DriverKind(NAME, "a joint trajectory controller of ROS 2, ros2:CONTROLLER", RosDriver)

@@ -13,7 +13,7 @@ import numpy as np
 from runtime.campaign.driver import Driver, NoSampleError, Reference, Sample
 from runtime.campaign.drivers import DriverKind, DriverSettings, imported, require_address, row_of
 from runtime.errors import SimulationError
-from runtime.library import Array, Library
+from runtime.library import Library
 
 NAME = "ur"
 LOOKAHEAD = 0.03
@@ -30,17 +30,22 @@ class UrDriver(Driver):
 
     Args:
         lib: library of the robot.
-        address: IP address or name.
-        gains: (n,) N·m/A.
+        settings: with the IP address or name, and the gains of the drives.
 
     Raises:
         SimulationError: ur_rtde is not installed, or the robot does not answer.
     """
 
-    def __init__(self, lib: Library, address: str, gains: Array) -> None:
+    def __init__(self, lib: Library, settings: DriverSettings) -> None:
+        address = require_address(settings, NAME, "192.168.0.2")
+        if settings.gains is None:
+            raise SimulationError(
+                "an arm of Universal Robots measures currents; give --settings gains=K,K,… with "
+                "one number in N·m/A per joint, which `symgen gains LOG` estimates from a log in A"
+            )
         control = imported("rtde_control", NAME, _INSTALL)
         receive = imported("rtde_receive", NAME, _INSTALL)
-        self._gains = row_of(gains, lib, "gains")
+        self._gains = row_of(settings.gains, lib, "gains")
         try:
             self._receive: Any = receive.RTDEReceiveInterface(address)
             self._control: Any = control.RTDEControlInterface(address)
@@ -114,16 +119,6 @@ def _lost(reason: str = "") -> NoSampleError:
     )
 
 
-def _open(lib: Library, settings: DriverSettings) -> Driver:
-    address = require_address(settings, NAME, "192.168.0.2")
-    if settings.gains is None:
-        raise SimulationError(
-            "an arm of Universal Robots measures currents; give --settings gains=K,K,… with one "
-            "number in N·m/A per joint, which `symgen gains LOG` estimates from a log in A"
-        )
-    return UrDriver(lib, address, settings.gains)
-
-
 UR = DriverKind(
-    NAME, "an arm of Universal Robots by ur_rtde, ur:ADDRESS with the setting gains", _open
+    NAME, "an arm of Universal Robots by ur_rtde, ur:ADDRESS with the setting gains", UrDriver
 )

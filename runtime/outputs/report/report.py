@@ -7,7 +7,7 @@ page.
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -39,25 +39,11 @@ from runtime.recording.settings import COLUMNS
 from runtime.registry import Registry
 
 
-@dataclass(frozen=True, slots=True)
-class Result:
-    """Content of the result folder of one identification.
-
-    Torques over the test part, measured, before and after (N, r), at the instants t (N,) [s].
-    """
-
-    record: ResultRecord
-    t: Array
-    measured: Array
-    before: Array
-    after: Array
-
-
-def read_result(folder: Path) -> Result:
-    """Read a result folder."""
+def read_result(folder: Path) -> tuple[ResultRecord, dict[str, Array]]:
+    """Read a result folder: its record, and measured, before and after (N, r) of the test part."""
     record = read_record(folder / "result.json")
     shape = (len(record.rows_of_errors[0]),)
-    return Result(record, **read_predictions(folder, measured=shape, before=shape, after=shape))
+    return record, read_predictions(folder, measured=shape, before=shape, after=shape)
 
 
 def several_logs_sections(logs: SessionsPart, links: Sequence[str]) -> tuple[Section, ...]:
@@ -170,14 +156,14 @@ def tiles(result: ResultRecord) -> tuple[Tile, ...]:
     )
 
 
-def sections(result: Result) -> Iterator[Section]:
+def sections(record: ResultRecord, rows: Mapping[str, Array]) -> Iterator[Section]:
     """Sections of the page below the summary, in their order."""
-    record = result.record
+    names, units = record.rows_of_errors
     links = tuple(link.name for link in record.links)
     yield Section(
         "Torque error per joint",
         "On the test split, before (URDF without friction) and after (all identified parameters).",
-        error_table(*record.rows_of_errors, record.torque_error_percent, record.torque_rms),
+        error_table(names, units, record.torque_error_percent, record.torque_rms),
     )
     if (shares := share_table(record)) is not None:
         yield Section(
@@ -186,7 +172,11 @@ def sections(result: Result) -> Iterator[Section]:
             "third to the inertial parameters.",
             shares,
         )
-    yield _torques(result)
+    yield Section(
+        "Measured and predicted torque",
+        "Left: torque over the test split. Right: measured minus predicted torque.",
+        figure=torques(names, [_unit(unit) for unit in units], **rows),
+    )
     yield Section(
         "Physical consistency per link",
         "A motion determines the base parameters, which combine several links. The mass or the "
@@ -211,17 +201,6 @@ def sections(result: Result) -> Iterator[Section]:
 
 
 # --- sections -------------------------------------------------------------------------------
-
-
-def _torques(result: Result) -> Section:
-    p = result
-    names, units = result.record.rows_of_errors
-    drawn = torques(names, [_unit(unit) for unit in units], p.t, p.measured, p.before, p.after)
-    return Section(
-        "Measured and predicted torque",
-        "Left: torque over the test split. Right: measured minus predicted torque.",
-        figure=drawn,
-    )
 
 
 def _masses(result: ResultRecord, links: Sequence[str]) -> Section:
@@ -443,14 +422,13 @@ def write_report(folder: str | PathLike[str], out: str | PathLike[str] | None = 
     if methods is not None and not (folder / "result.json").exists():
         shown = methods
     else:
-        shown = _page(read_result(folder))
+        shown = _page(*read_result(folder))
         if methods is not None:  # without its provenance
             shown = replace(shown, sections=(*shown.sections, *methods.sections[:-1]))
     return write_page(shown, folder / "report.html" if out is None else Path(out))
 
 
-def _page(result: Result) -> Page:
-    record = result.record
+def _page(record: ResultRecord, rows: Mapping[str, Array]) -> Page:
     name = record.recording.name or "unnamed recording"
     return Page(
         title=f"{record.robot}, {record.method}: identification report",
@@ -460,6 +438,6 @@ def _page(result: Result) -> Page:
         warnings=tuple(map(as_typed, record.doubts)),
         notes=tuple(as_typed(each) for each in record.warnings if each not in record.doubts),
         tiles=tiles(record),
-        sections=tuple(sections(result)),
+        sections=tuple(sections(record, rows)),
         glossary=GLOSSARY,
     )

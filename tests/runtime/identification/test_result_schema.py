@@ -67,12 +67,12 @@ def test_a_file_of_format_1_is_read_as_before(tmp_path: Path) -> None:
     for number in ({"format": 1}, {}):
         old = {key: value for key, value in facts.items() if key != "format"} | number
         (tmp_path / "result.json").write_text(json.dumps(old))
-        saved, report = read_result(tmp_path), read_report(tmp_path)
+        saved, (record, _) = read_result(tmp_path), read_report(tmp_path)
         assert saved.record.model is None
         assert saved.phi.tolist() == facts["friction"]["values"]
         assert saved.record.recording.history == tuple(facts["recording"]["history"])
-        assert report.record.warnings == ("rail is hardly excited",)
-        assert report.record.uncertainty is None
+        assert record.warnings == ("rail is hardly excited",)
+        assert record.uncertainty is None
 
 
 def test_migration_adds_what_format_3_has() -> None:

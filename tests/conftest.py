@@ -243,7 +243,7 @@ def _pictures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -
         "drawn" in request.fixturenames or PAGES in request.path.parts
     ):
         for name in PICTURES:
-            monkeypatch.setattr(f"runtime.outputs.report.{name}", lambda *_: Markup("<svg/>"))
+            monkeypatch.setattr(f"runtime.outputs.report.{name}", lambda *_, **__: Markup("<svg/>"))
         monkeypatch.setattr(
             "runtime.cli.observe.draw_external_torque", lambda *given: given[-1].write_bytes(b"")
         )

@@ -2,7 +2,9 @@
 
 Gauss–Newton on the exact model: at every pass the recording is prepared and identified anew with
 the present delay d (`Preparation.torque_delay_s`) and q + b, and `linearised` gives the next step.
-The first d is the minimum of the profile of the loss (`recorded_delay`).
+The first d is the minimum of the profile of the loss (`recorded_delay`). Of a measured torque it is
+the last one: dry friction lags behind the sign of dq, and the profile leaves its reversals out,
+while the passes would take the lag for a delay.
 """
 
 from dataclasses import dataclass, replace
@@ -36,8 +38,10 @@ from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.commanded_torque import without_ends
 from runtime.recording.coupled_joints import independent_joints
+from runtime.recording.friction.columns import ROTOR
 from runtime.recording.friction.coupled_motors import geared
 from runtime.recording.preprocessing.parts import before_test
+from runtime.recording.recipes.recipe import COMMANDED
 
 PASSES = 6
 """Largest number of Gauss–Newton passes."""
@@ -66,6 +70,7 @@ class DriveProblem:
     preparation: Preparation  # of the rows; its delay is replaced
     given: Array  # delay where it is not estimated, (1,) or (n,) [s]
     progress: Progress = SILENT  # shown the iterations
+    known: float | None = None  # σ of the delay by the profile of a measured torque [s]
 
     def rough(self, preparation: Preparation | None = None) -> "DriveProblem":
         """The same without certificates and progress."""
@@ -156,6 +161,7 @@ def linearised_at(
         kappa=settings.prior.kappa if settings.prior and settings.prior.kappa else CAD,
         phi_prior=None if known is None else known.sigma,
         rough=rough,
+        delay_sigma=problem.known,
     )
 
 
@@ -183,7 +189,8 @@ def identify_drive(
     problem = DriveProblem(recording, lib, settings, request, preparation, delay, progress)
     x, unknown = np.zeros(0), ""
     if request.delay:
-        x, unknown = _with_delay(problem, geared(terms_of(recording, settings), recording, lib))
+        terms = geared(terms_of(recording, settings), recording, lib)
+        problem, x, unknown = _with_delay(problem, terms)
     if unknown:
         notes += (
             f"the log does not determine a delay: {unknown}; record a faster motion, or give "
@@ -196,21 +203,28 @@ def identify_drive(
     return replace(result, notes=(*notes, *result.notes))
 
 
-def _with_delay(problem: DriveProblem, terms: Friction) -> tuple[Array, str]:
+def _with_delay(problem: DriveProblem, terms: Friction) -> tuple[DriveProblem, Array, str]:
     """The most probable delay and biases, and the reason where the log has no delay."""
     # The profile is of the rows before the test part, as the passes are.
-    seen = before_test(problem.recording, problem.settings.split)
+    seen, request = before_test(problem.recording, problem.settings.split), problem.request
+    by_profile = problem.recording.torque_source != COMMANDED and not request.per_joint
+    if by_profile and ROTOR.name not in terms.columns:
+        terms = replace(terms, columns=(*terms.columns, ROTOR.name))
     first = recorded_delay(seen, problem.lib, problem.preparation, terms)
     x = np.zeros(len(problem.most_step))
     if first.is_flat:
         low, high = (1e3 * end for end in first.interval_s)
-        return x, f"the loss is flat from {low:.0f} to {high:.0f} ms, or least at an end"
+        return problem, x, f"the loss is flat from {low:.0f} to {high:.0f} ms, or least at an end"
     count = len(problem.split(x)[0])
     x[:count] = first.delay_s
+    if by_profile:
+        biased = replace(problem, request=replace(request, delay=False), given=x[:count])
+        x[count:], _ = newton_passes(biased, x[count:])
+        return replace(problem, known=first.sigma), x, ""
     x, sigma = newton_passes(problem, x)
     if np.all(sigma[:count] < MOST_SIGMA) and np.all(np.abs(x[:count]) < LATEST_S):
-        return x, ""
-    return x, f"its standard deviation is {1e3 * np.max(sigma[:count]):.0f} ms"
+        return problem, x, ""
+    return problem, x, f"its standard deviation is {1e3 * np.max(sigma[:count]):.0f} ms"
 
 
 def _certified(problem: DriveProblem, x: Array) -> Identification:

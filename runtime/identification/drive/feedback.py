@@ -115,10 +115,11 @@ def linearised(
     kappa: float,
     phi_prior: Array | None = None,
     rough: bool = False,
+    delay_sigma: float | None = None,
 ) -> LinearisedDrive:
     """Newton step of delay and biases, and the standard deviations of all unknowns.
 
-    bias (n,) [rad, m], phi_prior (n, k).
+    bias (n,) [rad, m], phi_prior (n, k), delay_sigma of a delay of the log that is known [s].
     """
     samples = samples_of(result.train, result.lib)
     lib, pi, phi = result.lib, result.pi, result.phi
@@ -171,6 +172,8 @@ def linearised(
         basis, left = rows.reshape(rest.size, -1) @ known.root, left.ravel()
         fit = FreeFit(part, scale, known.root, basis, rest.ravel() - left, left, ())
         wider = _widening(result, fit, known.root[-wider.size :], density)
+    if delay_sigma is not None and request.delay:
+        wider[0] = delay_sigma / sigma[first]
     moved = moved * wider[:, None]
     return LinearisedDrive(
         step=posterior.step(slope)[first:],

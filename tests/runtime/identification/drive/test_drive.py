@@ -148,6 +148,30 @@ def test_delay_of_a_measured_torque(lib: Library, tmp_path: Path) -> None:
     assert drive.delay_sigma[0] < 0.002
 
 
+def test_friction_that_lags_is_no_delay_of_a_measured_torque(lib: Library) -> None:
+    """Property: dry friction turns round within 10 mrad of travel; Coulomb columns have no memory.
+
+    Least squares of all rows takes the lag for a further delay of 37 ms.
+    """
+    rng = np.random.default_rng(5)
+    servo = replace(random_servo(lib, rng), delay=np.zeros(1), bias=np.zeros(lib.n_joints))
+    arrays = servo_arrays(lib, servo, rng)
+    t, q = arrays["t"], arrays["q"]
+    state = np.zeros_like(q)
+    for k, move in enumerate(np.diff(q, axis=0)):
+        side = np.sign(move)
+        state[k + 1] = side + (state[k] - side) * np.exp(-np.abs(move) / 0.01)
+    tau = arrays["tau_true"] + np.linspace(20.0, 5.0, lib.n_joints) * state
+    tau += 0.05 * rng.normal(size=q.shape)
+    late = np.stack([np.interp(t - 0.008, t, row) for row in tau.T], axis=1)
+    log = Recording(t=t, q=q, dq=arrays["dq"], tau=late)
+    settings = Settings(preparation=FILTERED, friction=Friction(("viscous", "coulomb", "offset")))
+    drive = identify_drive(log, lib, settings, DriveRequest(delay=True)).drive
+    assert drive is not None
+    assert abs(drive.delay[0] - 0.008) < 3 * drive.delay_sigma[0]
+    assert drive.delay_sigma[0] < 0.003
+
+
 def test_rows_without_accelerations(lib: Library, tmp_path: Path) -> None:
     """Property: momentum rows give the delay within 5 σ, and a note instead of biases."""
     rng = np.random.default_rng(10)

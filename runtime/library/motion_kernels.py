@@ -46,8 +46,7 @@ class MotionKernels(Kernels):
         Returns:
             Shape of q [N·m, N].
         """
-        q, dq, ddq = with_base(self.manifest, base, q, dq, ddq)
-        return self.binding.call("inverse_dynamics", q, dq, ddq, pi)[0]
+        return self._call("inverse_dynamics", base, (q, dq, ddq), pi)[0]
 
     def base_inverse_dynamics(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, beta: ArrayLike, *, base: Base = None
@@ -57,8 +56,7 @@ class MotionKernels(Kernels):
         Returns:
             Shape of q [N·m, N].
         """
-        q, dq, ddq = with_base(self.manifest, base, q, dq, ddq)
-        return self.binding.call("base_inverse_dynamics", q, dq, ddq, beta)[0]
+        return self._call("base_inverse_dynamics", base, (q, dq, ddq), beta)[0]
 
     def torque(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, lam: ArrayLike, *, base: Base = None
@@ -68,8 +66,7 @@ class MotionKernels(Kernels):
         Returns:
             Shape of q [N·m, N].
         """
-        q, dq, ddq = with_base(self.manifest, base, q, dq, ddq)
-        return self.binding.call("torque", q, dq, ddq, lam)[0]
+        return self._call("torque", base, (q, dq, ddq), lam)[0]
 
     def torque_jacobian(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, lam: ArrayLike, *, base: Base = None
@@ -79,8 +76,7 @@ class MotionKernels(Kernels):
         Returns:
             (N, n, 10 L).
         """
-        q, dq, ddq = with_base(self.manifest, base, q, dq, ddq)
-        return self.binding.call("torque_jacobian", q, dq, ddq, lam)[0]
+        return self._call("torque_jacobian", base, (q, dq, ddq), lam)[0]
 
     def regressor(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, *, base: Base = None) -> Array:
         """Regressor Y with τ = Y π. Source: Eq. 3.1.
@@ -88,8 +84,7 @@ class MotionKernels(Kernels):
         Returns:
             (N, n, 10 L).
         """
-        q, dq, ddq = with_base(self.manifest, base, q, dq, ddq)
-        return self.binding.call("regressor", q, dq, ddq)[0]
+        return self._call("regressor", base, (q, dq, ddq))[0]
 
     def base_regressor(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, *, base: Base = None
@@ -99,8 +94,7 @@ class MotionKernels(Kernels):
         Returns:
             (N, n, n_b).
         """
-        q, dq, ddq = with_base(self.manifest, base, q, dq, ddq)
-        return self.binding.call("base_regressor", q, dq, ddq)[0]
+        return self._call("base_regressor", base, (q, dq, ddq))[0]
 
     def mass_matrix(self, q: ArrayLike, pi: ArrayLike, *, base: Base = None) -> Array:
         """Mass matrix M(q). Source: Eq. 2.34.
@@ -108,8 +102,7 @@ class MotionKernels(Kernels):
         Returns:
             (N, n, n).
         """
-        (q,) = with_base(self.manifest, base, q)
-        return self.binding.call("mass_matrix", q, pi)[0]
+        return self._call("mass_matrix", base, (q,), pi)[0]
 
     def bias_forces(
         self, q: ArrayLike, dq: ArrayLike, pi: ArrayLike, *, base: Base = None
@@ -119,8 +112,7 @@ class MotionKernels(Kernels):
         Returns:
             Shape of q [N·m, N].
         """
-        q, dq = with_base(self.manifest, base, q, dq)
-        return self.binding.call("bias_forces", q, dq, pi)[0]
+        return self._call("bias_forces", base, (q, dq), pi)[0]
 
     def forward_dynamics(
         self,
@@ -137,13 +129,12 @@ class MotionKernels(Kernels):
         Returns:
             Shape of q [rad/s², m/s²].
         """
-        q, dq = with_base(self.manifest, base, q, dq)
         inertia = np.asarray(rotor, dtype=float)
         if inertia.ndim == 0:
             inertia = np.full(self.n_joints, inertia)
         if self.manifest.floating and inertia.shape[-1] == self.n_joints:
             inertia = stacked(inertia, np.zeros(FREEDOM), "rotors")
-        return self.binding.call("forward_dynamics", q, dq, tau, pi, inertia)[0]
+        return self._call("forward_dynamics", base, (q, dq), tau, pi, inertia)[0]
 
     def end_effector(self, q: ArrayLike, *, base: Base = None) -> Array:
         """Pose of the tip in the base frame; in that of the world with a free base.
@@ -151,8 +142,7 @@ class MotionKernels(Kernels):
         Returns:
             (N, 4, 4).
         """
-        (q,) = with_base(self.manifest, base, q)
-        return self.binding.call("end_effector", q)[0]
+        return self._call("end_effector", base, (q,))[0]
 
     def link_poses(self, q: ArrayLike, *, base: Base = None) -> Array:
         """Poses of the links' frames in the base frame; in that of the world with a free base.
@@ -160,9 +150,8 @@ class MotionKernels(Kernels):
         Returns:
             (N, L, 4, 4).
         """
-        (q,) = with_base(self.manifest, base, q)
-        poses = self.binding.call("link_poses", q)[0]
-        return poses.reshape(*np.shape(q)[:-1], self.n_links, 4, 4)
+        poses = self._call("link_poses", base, (q,))[0]
+        return poses.reshape(*poses.shape[:-2], self.n_links, 4, 4)
 
     def loss_gradient(
         self,
@@ -180,11 +169,16 @@ class MotionKernels(Kernels):
         Returns:
             Loss; Σ Yᵀ W r, (10 L,); r, shape of q [N·m, N].
         """
-        q, dq, ddq = with_base(self.manifest, base, q, dq, ddq)
         beta = np.asarray(pi, dtype=float) @ self.base_matrix.T
-        answer = self.binding.call("loss_gradient", q, dq, ddq, tau, weight, beta)
+        answer = self._call("loss_gradient", base, (q, dq, ddq), tau, weight, beta)
         loss, gradient, residual = answer
         return float(loss[0]), gradient @ self.base_matrix, residual
+
+    def _call(
+        self, name: str, base: Base, motion: tuple[ArrayLike, ...], *values: ArrayLike
+    ) -> tuple[Array, ...]:
+        """All outputs of a kernel that takes the motion of the base too where it is free."""
+        return self.binding.call(name, *with_base(self.manifest, base, *motion), *values)
 
     # --- model-based controllers ----------------------------------------------------------
 
@@ -234,8 +228,7 @@ class MotionKernels(Kernels):
                 f"tip '{self.manifest.tip}', got '{link}'"
             )
         place = self.n_links if link not in self.link_names else self.link_names.index(link)
-        (q,) = with_base(self.manifest, base, q)
-        jacobians = self.binding.call("frame_jacobians", q)[0]
+        jacobians = self._call("frame_jacobians", base, (q,))[0]
         return jacobians[..., 6 * place : 6 * (place + 1), :]
 
     def least_inertia(self, pi: ArrayLike, rotor: ArrayLike = 0.0) -> float:

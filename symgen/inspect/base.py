@@ -7,13 +7,12 @@ reads the file. T adds the links that are fixed together to the link that carrie
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement
 
-import casadi as ca
 import numpy as np
 
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.chain.document import MOVING, Document, numbers
 from symgen.errors import UrdfError
-from symgen.inspect.model import Array, Model
+from symgen.inspect.model import Array, Model, pi_of, pseudo_of
 from symgen.mechanics import inertia
 from symgen.mechanics.base_parameters import BaseParameters, numeric_base
 from symgen.mechanics.combination import describe_combination
@@ -115,20 +114,12 @@ def lumping(model: Model, chain: Chain, links: list[str]) -> Array:
     P of a body fixed at the pose H = [R p; 0 1] of its carrier is H P Hᵀ there. Links that are
     fixed to the base have zero columns.
     """
-    carriers = {joint.link: k for k, joint in enumerate(chain.joints)}
-    matrix = np.zeros((_P * len(carriers), _P * len(links)))
-    for column, name in enumerate(links):
-        pose, here = np.eye(4), name
-        while here not in carriers:
-            joint = model.joint_of(here)
-            if joint is None or joint.moves:
-                break
-            step = np.eye(4)
-            step[:3, :3], step[:3, 3] = joint.rotation, joint.offset
-            pose, here = step @ pose, joint.parent
-        if here in carriers:
-            row = carriers[here]
-            matrix[_P * row : _P * (row + 1), _P * column : _P * (column + 1)] = _moved(pose)
+    matrix = np.zeros((_P * len(chain.joints), _P * len(links)))
+    for row, joint in enumerate(chain.joints):
+        for name, pose in model.poses(joint.link).items():
+            if name in links:
+                column = links.index(name)
+                matrix[_P * row : _P * (row + 1), _P * column : _P * (column + 1)] = _moved(pose)
     return matrix
 
 
@@ -138,18 +129,3 @@ def _moved(pose: Array) -> Array:
     if np.array_equal(pose, unit[:4, :4]):
         return unit
     return np.column_stack([pi_of(pose @ pseudo_of(e) @ pose.T) for e in unit])
-
-
-def pseudo_of(pi: Array) -> Array:
-    """P (4, 4) of π (10,)."""
-    return np.array(ca.DM(inertia.pseudo_inertia(ca.DM(pi))))
-
-
-def pi_of(pseudo: Array) -> Array:
-    """π (10,) of P (4, 4): m, m·c, and I = tr(Σ) 1 − Σ about the same origin."""
-    sigma = pseudo[:3, :3]
-    i = np.trace(sigma) * np.eye(3) - sigma
-    moment = pseudo[:3, 3]
-    return np.array(
-        [pseudo[3, 3], *moment, i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]], dtype=float
-    )

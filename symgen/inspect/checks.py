@@ -100,8 +100,7 @@ def _massless(model: Model, name: str) -> list[Finding]:
 
 
 def _mass(model: Model, names: list[str]) -> float:
-    bodies = (model.links[name].body for name in names)
-    return float(sum(body.mass for body in bodies if body is not None))
+    return float(sum(body.mass for name, body in model.bodies.items() if name in names))
 
 
 def _causes(body: Body, where: str) -> list[Finding]:
@@ -309,17 +308,10 @@ ENOUGH = 3
 
 def comparison_warnings(model: Model) -> list[Finding]:
     """Return warnings about links that contradict each other or share one error."""
-    bodies = {
-        name: link.body
-        for name, link in model.links.items()
-        if link.body is not None and link.body.is_realisable
-    }
-    written = {
-        name: link.body
-        for name, link in model.links.items()
-        if link.body is not None and link.body.mass > 0 and link.body.inertia.any()
-    }
-    return [*_copies(model, written), *_mirrored(written), *_origin(bodies)]
+    bodies = model.bodies.items()
+    written = {name: body for name, body in bodies if body.mass > 0 and body.inertia.any()}
+    consistent = {name: body for name, body in bodies if body.is_realisable}
+    return [*_copies(model, written), *_mirrored(written), *_origin(consistent)]
 
 
 def _copies(model: Model, bodies: dict[str, Body]) -> list[Finding]:

@@ -178,67 +178,32 @@ def _require_numbers(tag: str, text: str) -> None:
 
 def groups_of(model: Model, extents: dict[str, Extent | None]) -> list[Group]:
     """Return the groups that have a consistent body."""
-    groups, grouped = [], set()
+    groups: list[Group] = []
+    grouped: set[str] = set()
     for name in model.links:
         joint = model.joint_of(name)
         if joint is None or joint.moves or joint.parent not in model.links:
-            members = [
-                member for member in model.subtree(name, rigid=True) if member not in grouped
-            ]
-            grouped.update(members)
-            groups.append(_group(model, members, extents))
-    return [group for group in groups if group is not None]
+            poses = {x: pose for x, pose in model.poses(name).items() if x not in grouped}
+            grouped.update(poses)
+            groups += _group(model, poses, extents)
+    return groups
 
 
-def _group(model: Model, names: list[str], extents: dict[str, Extent | None]) -> Group | None:
-    bodies = {
-        name: body
-        for name in names
-        if (body := model.links[name].body) is not None and body.is_realisable
-    }
+def _group(model: Model, poses: dict[str, Array], extents: dict[str, Extent | None]) -> list[Group]:
+    known = model.bodies
+    bodies = {x: known[x] for x in poses if x in known and known[x].is_realisable}
     if not bodies:
-        return None
-    heaviest = max(bodies, key=lambda name: bodies[name].mass)
-    poses = _poses(model, names, heaviest)
-    where = f"link '{heaviest}'"
+        return []
+    root, heaviest = next(iter(poses)), max(bodies, key=lambda name: bodies[name].mass)
+    back = np.linalg.inv(poses[heaviest])
+    poses = {name: back @ pose for name, pose in poses.items()} | {heaviest: np.eye(4)}
+    where, whole = f"link '{heaviest}'", bodies[heaviest]  # one alone keeps its numbers
     if len(bodies) > 1:
         where += f" with what is fixed to it ({len(bodies) - 1} more)"
-    return Group(
-        where,
-        _sum([(bodies[name], poses[name]) for name in bodies], bodies[heaviest]),
-        _extent(model, poses, extents),
-        _reach(model, names[0], poses, bodies),
-    )
-
-
-def _poses(model: Model, names: list[str], reference: str) -> dict[str, Array]:
-    """T (4, 4) from the frame of each link to that of the reference; exactly 1 for itself."""
-    poses = {names[0]: np.eye(4)}
-    for name in names[1:]:  # a link comes after the one that carries it
-        joint, step = model.joint_of(name), np.eye(4)
-        if joint is None:
-            poses[name] = step
-        else:
-            step[:3, :3], step[:3, 3] = joint.rotation, joint.offset
-            # Two joints with one child are an error of the file, which is reported.
-            poses[name] = poses.get(joint.parent, np.eye(4)) @ step
-    back = np.linalg.inv(poses[reference])
-    return {name: back @ pose for name, pose in poses.items()} | {reference: np.eye(4)}
-
-
-def _sum(parts: list[tuple[Body, Array]], heaviest: Body) -> Body:
-    """Sum of bodies with their poses; one alone keeps its numbers to the last digit."""
-    if len(parts) == 1:
-        return heaviest
-    masses = np.array([body.mass for body, _ in parts])
-    places = np.array([pose[:3, :3] @ body.com + pose[:3, 3] for body, pose in parts])
-    com = masses @ places / masses.sum()
-    inertia = np.zeros((3, 3))
-    for (body, pose), place in zip(parts, places, strict=True):
-        way = place - com
-        turned = pose[:3, :3] @ body.inertia @ pose[:3, :3].T
-        inertia += turned + body.mass * (way @ way * np.eye(3) - np.outer(way, way))
-    return Body(float(masses.sum()), com, (inertia + inertia.T) / 2)
+        parts = [poses[x] @ body.pseudo_inertia @ poses[x].T for x, body in bodies.items()]
+        whole = Body.of(np.sum(parts, axis=0))
+    reach = _reach(model, root, poses, bodies)
+    return [Group(where, whole, _extent(model, poses, extents), reach)]
 
 
 def _extent(

@@ -1,7 +1,7 @@
 """Inspection of one robot model file: numbers per link, findings, base parameters, and repair."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -122,22 +122,11 @@ def facts(inspection: Inspection) -> dict[str, Any]:
             }
             for row in inspection.rows
         ],
-        "findings": [_finding(f) for f in inspection.findings],
+        "findings": [asdict(f) | {"sentence": f.sentence} for f in inspection.findings],
         "base_parameters": None
         if base is None
         else {"rank": len(base.names), "names": base.names, "condition": base.condition},
         "notes": list(inspection.notes),
-    }
-
-
-def _finding(f: Finding) -> dict[str, str]:
-    return {
-        "severity": f.severity,
-        "kind": f.kind,
-        "where": f.where,
-        "found": f.observed,
-        "expected": f.expected,
-        "sentence": f.sentence,
     }
 
 
@@ -166,9 +155,9 @@ def _checked(model: Model, text: str | None, meshes: Meshes, with_base: bool) ->
             f"'{meshes.missing[0]}': their densities are unknown (see --package-dir)"
         )
     rows = tuple(
-        _figures(name, link.body, extents[name])
-        for name, link in model.links.items()
-        if link.body is not None and not link.body.is_empty
+        _figures(name, body, extents[name])
+        for name, body in model.bodies.items()
+        if not body.is_empty
     )
     return Inspection(model, text, rows, tuple(findings), base, tuple(notes))
 

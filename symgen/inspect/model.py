@@ -28,13 +28,13 @@ class Finding:
     severity: str  # `ERROR` or `WARNING`
     kind: str  # short name of the check, for programs
     where: str  # the link or joint, such as "link 'hand'"
-    observed: str  # observed, expected: halves of the sentence
+    found: str  # found, expected: halves of the sentence
     expected: str
 
     @property
     def sentence(self) -> str:
         """The finding as one sentence."""
-        return f"{self.where}: {self.observed}; {self.expected}"
+        return f"{self.where}: {self.found}; {self.expected}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,6 +45,12 @@ class Body:
     com: Array  # (3,) centre of mass in the link frame, m
     inertia: Array  # (3, 3) about the centre of mass in the link's axes, kg·m²
 
+    @staticmethod
+    def of(pseudo: Array) -> "Body":
+        """The body of a P (4, 4)."""
+        mass, com, tensor = map(np.array, map(ca.DM, inertia.com_inertia(ca.DM(pi_of(pseudo)))))
+        return Body(float(mass.item()), com.ravel(), (tensor + tensor.T) / 2)
+
     @property
     def pi(self) -> Array:
         """(10,) π, inertia about the link origin."""
@@ -54,7 +60,7 @@ class Body:
     @property
     def pseudo_inertia(self) -> Array:
         """(4, 4) P = [[Σ, mc], [mcᵀ, m]] about the link origin."""
-        return np.array(ca.DM(inertia.pseudo_inertia(ca.DM(self.pi))))
+        return pseudo_of(self.pi)
 
     @property
     def sigma(self) -> Array:
@@ -89,6 +95,18 @@ class Body:
         if not (self.mass > 0 and trace > POINT**2 * self.mass):
             return False
         return self.slack >= -2 * inertia.REALISABLE_TOLERANCE * trace
+
+
+def pseudo_of(pi: Array) -> Array:
+    """P (4, 4) of π (10,)."""
+    return np.array(ca.DM(inertia.pseudo_inertia(ca.DM(pi))))
+
+
+def pi_of(pseudo: Array) -> Array:
+    """π (10,) of P (4, 4): m, m·c, and I = tr(Σ) 1 − Σ about the same origin."""
+    tensor = np.trace(pseudo[:3, :3]) * np.eye(3) - pseudo[:3, :3]
+    pi = inertia.pi_of_body(pseudo[3, 3], ca.DM(pseudo[:3, 3]), ca.DM(tensor))
+    return np.asarray(ca.DM(pi), dtype=float).ravel()
 
 
 POINT = 1e-6
@@ -162,6 +180,11 @@ class Model:
     def __post_init__(self) -> None:
         object.__setattr__(self, "_by_child", {j.child: j for j in self.joints})
 
+    @property
+    def bodies(self) -> dict[str, Body]:
+        """Bodies of the links that have one."""
+        return {name: link.body for name, link in self.links.items() if link.body is not None}
+
     def joint_of(self, link: str) -> Joint | None:
         """The joint that carries a link, None for the root."""
         return self._by_child.get(link)
@@ -180,3 +203,14 @@ class Model:
             reached.append(here)
             pending += [j.child for j in self.children(here) if not (rigid and j.moves)]
         return [name for name in reached if name in self.links]
+
+    def poses(self, link: str) -> dict[str, Array]:
+        """T (4, 4) to a link's frame from those of itself and of all links fixed to it."""
+        poses = {link: np.eye(4)}
+        for name in self.subtree(link, rigid=True):  # a link comes after the one that carries it
+            joint, step = self.joint_of(name), np.eye(4)
+            if name != link and joint is not None:
+                step[:3, :3], step[:3, 3] = joint.rotation, joint.offset
+                # Two joints with one child are an error of the file, which is reported.
+                poses[name] = poses.get(joint.parent, np.eye(4)) @ step
+        return poses

@@ -19,10 +19,11 @@ import casadi as ca
 import clarabel
 import numpy as np
 from scipy import sparse
+from scipy.linalg import block_diag
 
 from symgen.errors import InertiaError, UrdfError
-from symgen.inspect.base import SampledBase, lumping, pi_of, pseudo_of
-from symgen.inspect.model import Array, Body, Model
+from symgen.inspect.base import SampledBase, lumping
+from symgen.inspect.model import Array, Body, Model, pi_of, pseudo_of
 from symgen.mechanics import inertia
 
 _AXES = "xyz"
@@ -130,7 +131,9 @@ def repair(model: Model, base: SampledBase | None) -> Repair:
     projection = _Projection(model, links, base)
     s, change, kept = projection.solve()
     bodies = {
-        name: _body(projection.roots[k] @ _matrix(s[10 * k : 10 * k + 10]) @ projection.roots[k].T)
+        name: Body.of(
+            projection.roots[k] @ _matrix(s[10 * k : 10 * k + 10]) @ projection.roots[k].T
+        )
         for k, name in enumerate(links)
         if (s != projection.start)[10 * k : 10 * k + 10].any()
     }
@@ -139,12 +142,12 @@ def repair(model: Model, base: SampledBase | None) -> Repair:
 
 def _links(model: Model) -> list[str]:
     names = []
-    for name, link in model.links.items():
-        if link.body is None or link.body.is_empty:
+    for name, body in model.bodies.items():
+        if body.is_empty:
             continue
-        if not link.body.mass > 0:
+        if not body.mass > 0:
             raise InertiaError(
-                f"link '{name}' has the mass {link.body.mass:g} kg, which a repair cannot "
+                f"link '{name}' has the mass {body.mass:g} kg, which a repair cannot "
                 "determine; correct it in the file, then repair the rest"
             )
         names.append(name)
@@ -157,7 +160,7 @@ class _Projection:
     """The projection in whitened coordinates s = svec(L⁻¹ P L⁻ᵀ), all links in one vector."""
 
     def __init__(self, model: Model, links: list[str], base: SampledBase | None) -> None:
-        bodies = [body for name in links if (body := model.links[name].body) is not None]
+        bodies = [model.bodies[name] for name in links]
         # L of each link's metric, and start s⁰ and floor ε P_ref in its coordinates.
         old = np.concatenate([body.pi for body in bodies])
         self.roots = [np.linalg.cholesky(pseudo_of(_nearest(body, ROUND))) for body in bodies]
@@ -174,20 +177,16 @@ class _Projection:
         ]
         self._consistent = np.array([body.is_realisable for body in bodies])
         size = 10 * len(links)
-        self._mass = np.zeros((len(links), size))
-        for k, block in enumerate(to_pi):
-            self._mass[k, 10 * k : 10 * k + 10] = block[0]
-        self._mass_scale = np.abs(self._mass).max(axis=1, keepdims=True)
-        self._motion, self._scale = np.zeros((0, size)), 1.0
+        mass = block_diag(*[block[:1] for block in to_pi])
+        self._masses = mass / np.abs(mass).max(axis=1, keepdims=True)
+        self._rows = np.zeros((0, size))  # relative change of torque per unit of s
         if base is not None:
             # Torque change R K T Δx in units of the torque itself, ‖R β‖.
             whole = base.parameters.matrix @ lumping(model, base.chain, links)
             beta = whole @ old
             factor = base.factor(beta)
-            self._motion = factor @ np.hstack(
-                [whole[:, 10 * k : 10 * k + 10] @ block for k, block in enumerate(to_pi)]
-            )
-            self._scale = max(float(np.linalg.norm(factor @ beta)), 1e-300)
+            motion = factor @ whole @ block_diag(*to_pi)
+            self._rows = motion / max(float(np.linalg.norm(factor @ beta)), 1e-300)
 
     def solve(self) -> tuple[Array, float, bool]:
         """s, the relative change of torque, and whether the base parameters are kept."""
@@ -195,11 +194,11 @@ class _Projection:
         # parameters; else the nearest s within (1 + SLACK) times the least change.
         smallest = self._change(self._cone(None))
         if smallest <= KEPT:
-            s = self._on_equalities(self._cone(0.0), np.vstack([self._masses(), self._rows()]))
+            s = self._on_equalities(self._cone(0.0), np.vstack([self._masses, self._rows]))
             if s is not None:
                 return s, 0.0, True
         raw = self._cone((1 + SLACK) * max(smallest, KEPT))
-        s = self._on_equalities(raw, self._masses())
+        s = self._on_equalities(raw, self._masses)
         if s is None:
             raise InertiaError(
                 "the projection is not consistent after rounding; first correct inertials that are "
@@ -224,20 +223,13 @@ class _Projection:
         return None
 
     def _change(self, s: Array) -> float:
-        return float(np.linalg.norm(self._rows() @ (s - self.start)))
-
-    def _rows(self) -> Array:
-        """Relative change of torque per unit of s."""
-        return self._motion / self._scale
-
-    def _masses(self) -> Array:
-        return self._mass / self._mass_scale
+        return float(np.linalg.norm(self._rows @ (s - self.start)))
 
     def _cone(self, bound: float | None) -> Array:
         """Least torque change (bound None), else the nearest s whose change is within the bound."""
         # Variables (s, t): min t with A (s, t) + slack = b, slack in the cones of Clarabel.
         size = self.start.size
-        masses, rows = self._masses(), self._rows()
+        masses, rows = self._masses, self._rows
         zero, eye = np.zeros, np.eye(size)
         left = masses
         near = (rows, rows @ self.start) if bound is None else (eye, self.start)
@@ -300,8 +292,3 @@ def _matrix(svec: Array) -> Array:
     for (i, j), value in zip(_SVEC, svec / _WEIGHT, strict=True):
         matrix[i, j] = matrix[j, i] = value
     return matrix
-
-
-def _body(pseudo: Array) -> Body:
-    mass, com, tensor = (np.array(ca.DM(x)) for x in inertia.com_inertia(ca.DM(pi_of(pseudo))))
-    return Body(float(mass.item()), com.ravel(), (tensor + tensor.T) / 2)

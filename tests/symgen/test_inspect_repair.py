@@ -13,9 +13,9 @@ from runtime.library import Library
 from runtime.recording.preprocessing import prepare
 from symgen.errors import InertiaError
 from symgen.inspect import inspection as door
-from symgen.inspect.base import lumping, pseudo_of
+from symgen.inspect.base import lumping
 from symgen.inspect.inspection import inspect_file, inspect_text, repaired
-from symgen.inspect.model import Body
+from symgen.inspect.model import Body, pseudo_of
 from symgen.inspect.repair import FLOOR, ROUND, THIN, Repair, repair, with_bodies
 from symgen.mechanics import inertia
 from tests.symgen.bodies import BRICK, FLAT, GOOD, POINT, arm, before_2024, block

@@ -93,21 +93,18 @@ def _add(robot: Element, links: list[str], row: Row, where: str) -> list[dict[st
         raise UrdfError(f"{what} has joint and of; keep the one that its position follows")
     moves = row.joint is not None or row.of is not None
     stated = {key: getattr(row, key) for key in _LIMITS}
-    limits = {key: f"{value:.17g}" for key, value in stated.items() if value is not None}
+    limits = {key: value for key, value in stated.items() if value is not None}
     if limits and not moves:
         raise UrdfError(f"{what} is fixed and has {next(iter(limits))}; give it a joint, or none")
-    kind: str = row.kind
+    kind: str = row.kind if moves else "fixed"
     if kind == "revolute" and not {"lower", "upper"} & set(limits):
         kind = "continuous"
     name = row.joint or f"{link}_joint"
     tilt = pinocchio.rpy.rpyToMatrix(row.alpha, 0.0, 0.0)
     turn = tilt @ pinocchio.rpy.rpyToMatrix(0.0, 0.0, row.theta)
     xyz = (row.a, -row.d * math.sin(row.alpha), row.d * math.cos(row.alpha))
-    joint = add_joint(robot, name, kind if moves else "fixed", parent, link, xyz, turn)
-    if moves:
-        SubElement(joint, "axis", {"xyz": "0 0 1"})
-        if limits:
-            SubElement(joint, "limit", limits)
+    axis = (0.0, 0.0, 1.0) if moves else None
+    add_joint(robot, name, kind, (parent, link), xyz, turn, axis, limits or None)
     element = SubElement(robot, "link", {"name": link})
     if row.mass is not None:
         xx, yy, zz, xy, xz, yz = row.inertia

@@ -255,14 +255,28 @@ def listing(names: Iterable[str], most: int = 12) -> str:
 
 
 def add_joint(
-    robot: Element, name: str, kind: str, parent: str, child: str, at: Any, rotation: Any
-) -> Element:
-    """Joint without axis and limits."""
+    robot: Element,
+    name: str,
+    kind: str,
+    ends: tuple[str, str],
+    at: Any,
+    rotation: Any,
+    axis: Any = None,
+    limits: dict[str, float] | None = None,
+    dynamics: dict[str, float] | None = None,
+) -> None:
+    """Joint of two links, of one that moves with the limits and the friction that it has."""
     joint = SubElement(robot, "joint", {"name": name, "type": kind})
     add_origin(joint, at, rotation)
-    SubElement(joint, "parent", {"link": parent})
-    SubElement(joint, "child", {"link": child})
-    return joint
+    for tag, link in zip(("parent", "child"), ends, strict=True):
+        SubElement(joint, tag, {"link": link})
+    if axis is not None:
+        SubElement(joint, "axis", {"xyz": words(axis)})
+    if limits is not None:  # a 0 of effort or velocity is none
+        values = {key: words(value) for key, value in limits.items()}
+        SubElement(joint, "limit", {"effort": "0", "velocity": "0"} | values)
+    if dynamics and any(dynamics.values()):
+        SubElement(joint, "dynamics", {key: words(value) for key, value in dynamics.items()})
 
 
 def add_origin(element: Element, at: Any, rotation: Any) -> None:

@@ -5,6 +5,7 @@ identified numbers.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,7 +18,18 @@ from symgen.errors import UrdfError
 
 GRAVITY = (0.0, 0.0, -9.81)
 """Gravity of a build by default, in the frame of the root link [m/s²]."""
+_FAR = 0.05
+"""Difference of gravity, m/s², above which it is noted: more than that of any two places."""
 _HALF_PI = math.pi / 2
+
+
+def note_gravity(gravity: np.ndarray, found: str, frame: str, note: Callable[[str], None]) -> None:
+    """Note gravity of a file other than that of a build."""
+    if math.dist(gravity, GRAVITY) > _FAR:
+        stated = ",".join(f"{round(x, 4) + 0.0:g}" for x in gravity.tolist())
+        note(
+            f"{found} {stated} m/s²{frame}, and the build takes 0,0,-9.81 unless --gravity is given"
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio
 
 from symgen.chain import ChainOptions
-from symgen.chain.document import add_inertial, add_joint, words
+from symgen.chain.document import add_inertial, add_joint
 from symgen.errors import BuildError
 from symgen.make import bundled_robots
 from symgen.make.compiler import levels_of_processor
@@ -131,8 +131,7 @@ def _joint_of_model(
     if joint.nq == 1:  # the two coordinates of a continuous joint are cos q and sin q
         values["lower"] = model.lowerPositionLimit[joint.idx_q]
         values["upper"] = model.upperPositionLimit[joint.idx_q]
-    finite = {key: words(x) for key, x in values.items() if abs(x) < UNLIMITED}
+    finite = {key: x for key, x in values.items() if abs(x) < UNLIMITED}
     kind = "prismatic" if slides else "revolute" if "lower" in finite else "continuous"
-    element = add_joint(robot, model.names[k], kind, *ends, place.translation, place.rotation)
-    SubElement(element, "axis", {"xyz": words(axis[:3] if slides else axis[3:])})
-    SubElement(element, "limit", {"effort": "0", "velocity": "0"} | finite)  # 0: not given
+    pose, axis = (place.translation, place.rotation), axis[:3] if slides else axis[3:]
+    add_joint(robot, model.names[k], kind, ends, *pose, axis, finite)

@@ -14,7 +14,6 @@ An equality of tendons along joints is a coupling too. A body that floats freely
 an object of the scene and left out.
 """
 
-import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -24,15 +23,13 @@ import numpy as np
 import pinocchio
 
 from symgen.chain.coupling import CouplingRow
-from symgen.chain.document import add_inertial, add_joint, listing, words
+from symgen.chain.document import add_inertial, add_joint, listing
 from symgen.chain.mechanism import Loop, Mechanism
-from symgen.chain.normalise import GRAVITY
+from symgen.chain.normalise import note_gravity
 from symgen.errors import BuildError
 from symgen.sources.compiled_mjcf import Bodies, compile_mjcf, rotation_of
 from symgen.sources.springs import factors_of_tendon, springs_of_mjcf
 
-_FAR = 0.05
-"""Difference of gravity, m/s², above which it is noted: more than that of any two places."""
 SPECK_KG = 1e-9
 """Mass of the links between several joints of one body, kg: below the rounding of any torque."""
 
@@ -61,7 +58,7 @@ def robot_of_compiled(
     import mujoco
 
     if not has_gravity:
-        _note_gravity(model, note)
+        note_gravity(np.array(model.opt.gravity), "the file states the gravity", "", note)
     _note_compensated(model, note)
     robot = Element("robot", {"name": name})
     names = _unique([model.body(k).name or f"body_{k}" for k in range(model.nbody)])
@@ -136,17 +133,6 @@ def _is_inside(bodies: Bodies, k: int, inside: set[int]) -> bool:
     return owner is None or all(at < 0 or owner(at) in inside for at in ends)
 
 
-def _note_gravity(model: Any, note: Callable[[str], None]) -> None:
-    """Note gravity other than that of a build."""
-    gravity = np.array(model.opt.gravity)
-    if math.dist(gravity, GRAVITY) > _FAR:
-        stated = ",".join(f"{x:g}" for x in gravity)
-        note(
-            f"the file states the gravity {stated} m/s², and the build takes 0,0,-9.81 unless "
-            "--gravity is given"
-        )
-
-
 def _note_compensated(model: Any, note: Callable[[str], None]) -> None:
     """Note bodies whose weight MuJoCo compensates."""
     compensated = [model.body(k).name or f"body_{k}" for k in np.flatnonzero(model.body_gravcomp)]
@@ -176,7 +162,7 @@ def _add_body(robot: Element, bodies: Bodies, body: int) -> None:
         name = bodies.joint(k)
         if bodies.is_joint(k, "FREE") and parent == 0:
             # --floating --base BODY builds a free base
-            add_joint(robot, name, "floating", above, names[body], place, rotation)
+            add_joint(robot, name, "floating", (above, names[body]), place, rotation)
             continue
         slides, ball = bodies.is_joint(k, "SLIDE"), bodies.is_joint(k, "BALL")
         last = k == first + count - 1
@@ -193,15 +179,15 @@ def _add_body(robot: Element, bodies: Bodies, body: int) -> None:
         kind = "prismatic" if slides else "revolute" if limited else "continuous"
         # `chain` refuses a ball unless it is locked or cut off
         kind = "spherical" if ball else kind
-        joint = add_joint(robot, name, kind, above, link, at, rotation)
-        if not ball:
-            _complete_joint(joint, model, k, limited)
+        of_axis = () if ball else _of_axis(model, k, limited)
+        add_joint(robot, name, kind, (above, link), at, rotation, *of_axis)
         above, place, rotation, anchor = link, np.zeros(3), np.eye(3), new
         if not last:
             speck = SubElement(robot, "link", {"name": link})
             add_inertial(speck, SPECK_KG, np.zeros(3), SPECK_KG * 1e-4 * np.eye(3))
     if not count:
-        add_joint(robot, f"{names[body]}_mount", "fixed", above, names[body], place, rotation)
+        mount, ends = f"{names[body]}_mount", (above, names[body])
+        add_joint(robot, mount, "fixed", ends, place, rotation)
     bodies.shifts[body] = anchor
     element = SubElement(robot, "link", {"name": names[body]})
     mass = float(model.body_mass[body])
@@ -211,18 +197,18 @@ def _add_body(robot: Element, bodies: Bodies, body: int) -> None:
         add_inertial(element, mass, model.body_ipos[body] - anchor, inertia)
 
 
-def _complete_joint(joint: Element, model: Any, k: int, limited: bool) -> None:
+def _of_axis(
+    model: Any, k: int, limited: bool
+) -> tuple[Any, dict[str, float] | None, dict[str, float]]:
     """Axis, limits and friction of a joint."""
-    SubElement(joint, "axis", {"xyz": words(model.jnt_axis[k])})
+    limits: dict[str, float] | None = None
     if limited:
-        lower, upper = (f"{float(x):.17g}" for x in model.jnt_range[k])
+        lower, upper = model.jnt_range[k]
         effort = model.jnt_actfrcrange[k][1] if model.jnt_actfrclimited[k] else 0.0
-        limits = {"lower": lower, "upper": upper, "effort": f"{float(effort):.17g}"}
-        SubElement(joint, "limit", limits | {"velocity": "0"})
+        limits = {"lower": lower, "upper": upper, "effort": effort}
     dof = int(model.jnt_dofadr[k])
-    damping, dry = float(np.min(model.dof_damping[dof])), float(model.dof_frictionloss[dof])
-    if damping or dry:
-        SubElement(joint, "dynamics", {"damping": f"{damping:.17g}", "friction": f"{dry:.17g}"})
+    dynamics = {"damping": np.min(model.dof_damping[dof]), "friction": model.dof_frictionloss[dof]}
+    return model.jnt_axis[k], limits, dynamics
 
 
 def _coupling(model: Any, k: int) -> CouplingRow:

@@ -16,15 +16,13 @@ from defusedxml.common import DefusedXmlException
 from defusedxml.ElementTree import fromstring
 
 from symgen.chain.coupling import CouplingRow
-from symgen.chain.document import add_joint, add_origin, listing, numbers, words
+from symgen.chain.document import add_joint, add_origin, listing, numbers
 from symgen.chain.mechanism import Loop, Mechanism, Spring
-from symgen.chain.normalise import GRAVITY
+from symgen.chain.normalise import GRAVITY, note_gravity
 from symgen.errors import BuildError
 from symgen.sources.springs import spring_of_sdf
 
 _MODEL = "__model__"
-_FAR = 0.05
-"""Difference of gravity, m/s², above which it is noted: more than that of any two places."""
 
 
 class Frames:
@@ -99,12 +97,8 @@ def robot_from_sdf(
     """URDF of a model of an SDF file."""
     model = _model(text, chosen, where, note)
     gravity = pose_of(model, model.get("name", "")).rotation.T @ GRAVITY
-    if not has_gravity and np.linalg.norm(gravity - GRAVITY) > _FAR:
-        turned = ",".join(f"{x:g}" for x in np.round(gravity, 4) + 0.0)
-        note(
-            f"{where} places the model so that gravity is {turned} "
-            "m/s² in its frame, and the build takes 0,0,-9.81 unless --gravity is given"
-        )
+    if not has_gravity:
+        note_gravity(gravity, f"{where} places the model so that gravity is", " in its frame", note)
     frames = Frames(model, where)
     joints = [*model.findall("joint"), *model.findall("loop_joint")]
     moved: dict[str, Element] = {}
@@ -228,31 +222,25 @@ def _add_joint(
             f"joint '{name}' is of the type '{kind}'; revolute, continuous, prismatic and fixed "
             "joints can be modelled, others only as <loop_joint>"
         )
-    place = places[parent].inverse() * places[child]
-    element = add_joint(robot, name, kind, parent, child, place.translation, place.rotation)
+    place, ends = places[parent].inverse() * places[child], (parent, child)
     if kind == "fixed":
+        add_joint(robot, name, kind, ends, place.translation, place.rotation)
         return
-    axis = joint.find("axis")
-    SubElement(element, "axis", {"xyz": words(frames.axis(joint))})
+
+    def stated(tag: str, key: str, default: float) -> float:
+        word = joint.findtext(f"axis/{tag}/{key}")
+        return default if word is None else numbers(word, 1, f"joint '{name}': {key}")[0]
+
     limits = {}
     for key in ("lower", "upper", "effort", "velocity"):
-        word = None if axis is None else axis.findtext(f"limit/{key}")
-        value = np.inf if word is None else float(numbers(word, 1, f"joint '{name}': {key}")[0])
+        value = stated("limit", key, np.inf)
         if abs(value) < _ENDLESS and not (key in {"effort", "velocity"} and value < 0):
-            limits[key] = f"{value:.17g}"
+            limits[key] = value
     if kind == "revolute" and not {"lower", "upper"} <= limits.keys():
-        element.set("type", "continuous")
-    if limits:
-        SubElement(element, "limit", {"effort": "0", "velocity": "0"} | limits)
-    damping, friction = (
-        0.0
-        if axis is None
-        else numbers(axis.findtext(f"dynamics/{key}", "0"), 1, f"joint '{name}': {key}")[0]
-        for key in ("damping", "friction")
-    )
-    if damping or friction:
-        dynamics = {"damping": words(damping), "friction": words(friction)}
-        SubElement(element, "dynamics", dynamics)
+        kind = "continuous"
+    dynamics = {key: stated("dynamics", key, 0.0) for key in ("damping", "friction")}
+    pose, axis = (place.translation, place.rotation), frames.axis(joint)
+    add_joint(robot, name, kind, ends, *pose, axis, limits or None, dynamics)
 
 
 def _mimic(joint: Element) -> list[CouplingRow]:

@@ -23,13 +23,11 @@ _FAR = 0.05
 _HALF_PI = math.pi / 2
 
 
-def note_gravity(gravity: np.ndarray, found: str, frame: str, note: Callable[[str], None]) -> None:
+def note_gravity(gravity: np.ndarray, start: str, end: str, note: Callable[[str], None]) -> None:
     """Note gravity of a file other than that of a build."""
     if math.dist(gravity, GRAVITY) > _FAR:
         stated = ",".join(f"{round(x, 4) + 0.0:g}" for x in gravity.tolist())
-        note(
-            f"{found} {stated} m/s²{frame}, and the build takes 0,0,-9.81 unless --gravity is given"
-        )
+        note(f"{start} {stated} m/s²{end}, and the build takes 0,0,-9.81 unless --gravity is given")
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """Inspection of one robot model file: numbers per link, findings, base parameters, and repair."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from symgen.sources import Source, read_source, urdf_text
 
 INERTIAL = frozenset({"triangle", "zero-inertia"})
 """Kinds of errors that a repair removes."""
+_FINDING = ("severity", "kind", "where", "found", "expected", "sentence")
 _CONVERTED = {"xacro": "xacro", "toml": "DH", "sdf": "SDF", "mujoco": "MJCF"}
 """Formats that are checked as the URDF that a build makes of them."""
 
@@ -122,7 +123,9 @@ def facts(inspection: Inspection) -> dict[str, Any]:
             }
             for row in inspection.rows
         ],
-        "findings": [asdict(f) | {"sentence": f.sentence} for f in inspection.findings],
+        "findings": [
+            dict(zip(_FINDING, (*astuple(f), f.sentence), strict=True)) for f in inspection.findings
+        ],
         "base_parameters": None
         if base is None
         else {"rank": len(base.names), "names": base.names, "condition": base.condition},

@@ -28,13 +28,13 @@ class Finding:
     severity: str  # `ERROR` or `WARNING`
     kind: str  # short name of the check, for programs
     where: str  # the link or joint, such as "link 'hand'"
-    found: str  # found, expected: halves of the sentence
+    observed: str  # observed, expected: halves of the sentence
     expected: str
 
     @property
     def sentence(self) -> str:
         """The finding as one sentence."""
-        return f"{self.where}: {self.found}; {self.expected}"
+        return f"{self.where}: {self.observed}; {self.expected}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

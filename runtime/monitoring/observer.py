@@ -135,20 +135,18 @@ class Observer:
         # A torque that is logged late belongs to an earlier state, and one logged early to a later.
         delay = self._model.delay_s * rate_hz
         self._late = max(delay, 0.0), max(-delay, 0.0)
-        n = lib.n_joints
         self._states: deque[Array] = deque(maxlen=int(np.ceil(self._late[0])) + 2)
         self._torques: deque[Array] = deque(maxlen=int(np.ceil(self._late[1])) + 2)
         self._window: deque[Array] = deque(maxlen=steps + 1)
-        self._last: tuple[Array, Array] | None = None
-        self._place: Array | None = None
-        self._r, self._zeta = np.zeros(n), np.zeros(n)
+        self.reset()
 
     def reset(self) -> None:
         """Forget all samples, as after a pause of the log."""
         for queue in (self._states, self._torques, self._window):
             queue.clear()
-        self._last, self._place = None, None
-        self._r, self._zeta = np.zeros(self._lib.n_joints), np.zeros(self._lib.n_joints)
+        self._last: tuple[Array, Array] | None = None
+        self._place: Array | None = None
+        self._r, self._zeta = np.zeros((2, self._lib.n_joints))
 
     def update(self, q: ArrayLike, dq: ArrayLike, tau: ArrayLike) -> Array:
         """Add one sample.

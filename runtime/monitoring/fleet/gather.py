@@ -131,15 +131,11 @@ def statistics_files(folder: Path) -> list[Path]:
 
 def names_of(files: Sequence[Path], folder: Path) -> list[str]:
     """Names of units: the folder of statistics.npz, else the name of the file."""
-    places = [path.relative_to(folder) for path in files]
-    return [
-        (
-            place.parent
-            if place.stem == "statistics" and place.parent.name
-            else place.with_suffix("")
-        ).as_posix()
-        for place in places
-    ]
+    names = []
+    for place in (path.relative_to(folder) for path in files):
+        is_usual = place.stem == "statistics" and place.parent.name
+        names.append((place.parent if is_usual else place.with_suffix("")).as_posix())
+    return names
 
 
 def gather(

@@ -52,7 +52,6 @@ from runtime.inspection import ERROR, inspect_log
 from runtime.library import Array, Library
 from runtime.recording import Recording, read_recording, write_recording
 from runtime.simulation import Box, record, settings_of
-from runtime.simulation.settings import VirtualFriction, VirtualRobotSettings
 
 AGREEMENT = 3.0
 """Largest RMS of the residual of a new log over the RMS of the band that the model states."""
@@ -220,7 +219,10 @@ def rehearsed(
     """Run a motion with one fault on a virtual robot, and check its log."""
     usual = settings_of(lib)
     if kind == "friction":
-        usual = replace(usual, friction=_stiff(usual, joint))
+        factor, f = np.ones(lib.n_joints), usual.friction
+        factor[joint] = SIZES["friction"]
+        stiff = replace(f, coulomb=factor * f.coulomb, viscous=factor * f.viscous)
+        usual = replace(usual, friction=stiff)
     tool = Box(SIZES["tool"], TOOL_COM) if kind == "tool" else None
     small = replace(motion, coefficients=SCALE * motion.coefficients)
     log = record(lib, small, usual, seed=seed, truth_seed=seed, payload=tool)
@@ -259,14 +261,6 @@ def _error(verdict: RehearsalVerdict) -> str:
     if np.isnan(verdict.error):
         return "no model was identified"
     return f"torque error {significant(100 * verdict.error)} %"
-
-
-def _stiff(settings: VirtualRobotSettings, joint: int) -> VirtualFriction:
-    """Friction with one joint multiplied."""
-    factor = np.ones(len(settings.rotor))
-    factor[joint] = SIZES["friction"]
-    f = settings.friction
-    return replace(f, coulomb=factor * f.coulomb, viscous=factor * f.viscous)
 
 
 def _planted(log: Recording, kind: str, joint: int) -> Recording:

@@ -37,13 +37,7 @@ from runtime.excitation.search.information import FRICTION, Information
 from runtime.excitation.search.prediction import Prediction, predict
 from runtime.excitation.search.single_start import TRIED
 from runtime.excitation.search.unseen_parameters import without_unseen
-from runtime.excitation.static_poses import (
-    RANDOM_SETS,
-    PoseDesign,
-    design_poses,
-    pose_json,
-    pose_table,
-)
+from runtime.excitation.static_poses import RANDOM_SETS, design_poses, pose_json, pose_table
 from runtime.excitation.trajectory_file import write_trajectory
 from runtime.identification.expected_accuracy.session_error import ModelError
 from runtime.library import Library
@@ -116,8 +110,13 @@ def print_design(optimum: Design, expected: Prediction, lib: Library, note: str)
         say(f"{len(optimum.variations)} variations of the best starts, cond: best {best:.4g}")
     units = torque_units(lib.manifest)
     show(criteria_table(expected, units))
-    for sentence in (*prediction_sentences(expected, units), *([note] if note else [])):
-        say(sentence)
+    say(torque_sentence(expected.torque, units))
+    if expected.payload_mass is not None and expected.payload_com is not None:
+        say(unit_payload_sentence(expected.payload_mass, expected.payload_com))
+    for sentence in expected.notes:
+        say(f"note: {sentence}")
+    if note:
+        say(note)
     for assumption in optimum.assumptions:
         say(f"note: {assumption}")
 
@@ -145,14 +144,6 @@ def criteria_table(prediction: Prediction, units: Sequence[str]) -> Table:
         title=f"expected at {noise} {common_unit(units)} of torque noise, "
         f"{prediction.rate:g} Hz{prior}; cond: unit columns",
     )
-
-
-def prediction_sentences(prediction: Prediction, units: Sequence[str]) -> tuple[str, ...]:
-    """Expected accuracy of torque and payload, and notes."""
-    lines = [torque_sentence(prediction.torque, units)]
-    if prediction.payload_mass is not None and prediction.payload_com is not None:
-        lines.append(unit_payload_sentence(prediction.payload_mass, prediction.payload_com))
-    return (*lines, *(f"note: {note}" for note in prediction.notes))
 
 
 def excite_one(
@@ -273,7 +264,14 @@ def excite_static(lib: Library, safety: Safety, given: ExciteSettings) -> Path:
     for place, content in ((path, pose_json(designed, lib)), (table, pose_table(designed, lib))):
         with replacing(place) as file:
             file.write(content)
-    say(accuracy_sentence(designed, common_unit(torque_units(lib.manifest))))
+    unit = common_unit(torque_units(lib.manifest))
+    say(
+        f"{len(designed.poses)} poses, each reached from both sides, determine "
+        f"{len(designed.columns)} gravity parameters to {designed.sigma:.3g} kg·m (RMS σ) and the "
+        f"gravity torque to {designed.torque:.3g} {unit}; {RANDOM_SETS} sets of as many random "
+        f"poses reach {designed.sigma_random:.3g} kg·m and {designed.torque_random:.3g} "
+        f"{unit} (mean)"
+    )
     for sentence in designed.assumptions:
         say(f"assumed: {sentence}")
     left = [kind for kind in unchecked(lib, safety) if not (kind == "table" and given.has_no_table)]
@@ -281,17 +279,6 @@ def excite_static(lib: Library, safety: Safety, given: ExciteSettings) -> Path:
         say(f"NOT checked: {kind}")
     say(f"poses: {path}, {table}")
     return path
-
-
-def accuracy_sentence(designed: PoseDesign, unit: str) -> str:
-    """Sentence on the accuracy of a design against random poses."""
-    return (
-        f"{len(designed.poses)} poses, each reached from both sides, determine "
-        f"{len(designed.columns)} gravity parameters to {designed.sigma:.3g} kg·m (RMS σ) and the "
-        f"gravity torque to {designed.torque:.3g} {unit}; {RANDOM_SETS} sets of as many random "
-        f"poses reach {designed.sigma_random:.3g} kg·m and {designed.torque_random:.3g} "
-        f"{unit} (mean)"
-    )
 
 
 def excite_command(given: ExciteSettings) -> None:

@@ -249,7 +249,9 @@ def identify_command(given: IdentifySettings) -> None:
             "fixed; leave it out, or build the robot with --floating"
         )
     settings = given.fitted(lib)
-    inspect = _inspection(given)
+    place = ("--recipe", given.recipe) if given.recipe else ()
+    words = ("inspect", given.logs[0], "--robot", given.robot, *place)
+    inspect = f"{program()} {shlex.join(words)} --recipe-out proposed.toml"
     runs = runs_of(given.logs, given.run)
     several = f"{len(runs)}-" if len(runs) > 1 or given.payload_of else ""
     chosen = chosen_method(settings.method, settings.preset, settings.prior)
@@ -268,13 +270,6 @@ def identify_command(given: IdentifySettings) -> None:
         result = with_row_marks(result, opened, settings.split)
     _WRITTEN.begin(folder, given)
     finish(result, folder, given, inspect)
-
-
-def _inspection(given: IdentifySettings) -> str:
-    """Command that inspects the first log and writes a recipe for it."""
-    place = ("--recipe", given.recipe) if given.recipe else ()
-    words = ("inspect", given.logs[0], "--robot", given.robot, *place)
-    return f"{program()} {shlex.join(words)} --recipe-out proposed.toml"
 
 
 @contextmanager

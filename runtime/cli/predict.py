@@ -148,7 +148,11 @@ def predict_command(given: PredictSettings) -> None:
     now = situation.expected()
     steps = () if given.more is None else _gains(situation, now, given)
     if given.plot is not None:
-        _draw(situation, given, given.plot)
+        more = None if given.more in {None, SAME} else _further(situation, given)
+        until = SECONDS[-1] if given.more is not None else 0.0
+        common = situation.moved, situation.noise, situation.known, situation.unit
+        drawn = growth(lib, *common, base_names(lib), more=more, until=until)
+        draw_growth(drawn, given.plot)
     if given.as_json:
         figures = _facts(situation, now, gains, steps)
         print(json_text(figures), end="")
@@ -290,14 +294,6 @@ def _gains(
     return tuple(
         gained(before, situation.expected(further, s).by_name(lib, only), s, name) for s in SECONDS
     )
-
-
-def _draw(situation: Situation, given: PredictSettings, path: Path) -> None:
-    lib = situation.lib
-    further = None if given.more in {None, SAME} else _further(situation, given)
-    until = SECONDS[-1] if given.more is not None else 0.0
-    common = lib, situation.moved, situation.noise, situation.known, situation.unit
-    draw_growth(growth(*common, base_names(lib), more=further, until=until), path)
 
 
 def torque_sentence(bands: Array, units: Sequence[str], gain_error: float = 0.0) -> str:

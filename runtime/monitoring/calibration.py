@@ -220,8 +220,12 @@ def calibrated_on(
             kept.append([peaks_of(s, rate_hz) for s in seen[id(each)].normalised(share).T])
     for (each, share), kept in zip(ways, peaks, strict=True):
         by_joint = [np.concatenate(parts) for parts in zip(*kept, strict=True)]
-        if each is plain:
-            _require_peaks(by_joint, seconds)
+        most = max(map(len, by_joint))
+        if each is plain and (most <= LEAST_PEAKS or seconds < LEAST_S):
+            raise IdentificationError(
+                f"expected {LEAST_S:g} s of free motion or more, with {LEAST_PEAKS + 1} separate "
+                f"peaks of a residual, got {most} in {seconds:.3g} s; calibrate with a longer log"
+            )
         tails.append(fitted(by_joint, seconds))
         size = levels_of(tails[-1], rate) * each.noise.sigma + share * np.mean(extra, axis=0)
         thresholds.append(size)
@@ -268,15 +272,6 @@ def _scaled(
         # Residuals of free motion contain the error of the model.
         scaled.append(replace(detector, noise=noise, is_direct=is_direct, root=None))
     return scaled[0], scaled[1]
-
-
-def _require_peaks(by_joint: Sequence[Array], seconds: float) -> None:
-    most = max(map(len, by_joint))
-    if most <= LEAST_PEAKS or seconds < LEAST_S:
-        raise IdentificationError(
-            f"expected {LEAST_S:g} s of free motion or more, with {LEAST_PEAKS + 1} separate peaks "
-            f"of a residual, got {most} in {seconds:.3g} s; calibrate with a longer log"
-        )
 
 
 def calibrated(detector: Detector, tails: Sequence[Tail]) -> Detector:

@@ -101,7 +101,10 @@ class VirtualDriver(Driver):
         plant = self._plant
         plant.q[:], plant.dq[:] = plant.sorted(np.asarray(q, dtype=float)), 0.0
         self._start, self._ticks = np.inf, 0
-        self._encoders = self._new_encoders()
+        jitter = self._rng.normal(size=(_NOISE_ROWS, self.lib.n_joints))
+        sensors = self._settings.sensors
+        noise = plant.sorted(sensors.position_noise * jitter)
+        self._encoders = Encoders(sensors, noise, 1 / self.rate_hz, plant.places)
         self._link = self._plant.sorted(
             self.lib.bias_forces(q, np.zeros(self.lib.n_joints), self.pi) + self.lib.known_torque(q)
         )
@@ -162,12 +165,6 @@ class VirtualDriver(Driver):
     def _new_friction(self) -> SimulatedFriction:
         settings = self._settings
         return SimulatedFriction(settings.friction, settings.step_s, self._plant.places)
-
-    def _new_encoders(self) -> Encoders:
-        sensors, places = self._settings.sensors, self._plant.places
-        jitter = self._rng.normal(size=(_NOISE_ROWS, self.lib.n_joints))
-        noise = self._plant.sorted(sensors.position_noise * jitter)
-        return Encoders(sensors, noise, 1 / self.rate_hz, places)
 
     def _read(self) -> tuple[Array, Array]:
         """Measured q̂ and dq̂ in the order of the library."""

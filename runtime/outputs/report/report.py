@@ -19,7 +19,6 @@ from runtime.common.terminal import as_typed
 from runtime.errors import ExportError
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.result_record import (
-    ConvergencePart,
     FrictionPart,
     MirroredPair,
     ResultRecord,
@@ -194,8 +193,10 @@ def sections(record: ResultRecord, rows: Mapping[str, Array]) -> Iterator[Sectio
         yield _masses(record, links)
     if record.friction is not None:
         yield _friction(record.joints, record.friction)
-    if record.convergence is not None and record.convergence.iteration:
-        yield _convergence(record.convergence)
+    if (c := record.convergence) is not None and c.iteration:
+        validation = c.validation or (None,) * len(c.iteration)
+        losses = (np.array(list(map(_value, each))) for each in (c.training, validation))
+        yield Section("Convergence", figure=convergence(np.array(c.iteration), *losses))
     yield _preparation(record)
     yield _provenance(record)
 
@@ -230,12 +231,6 @@ def _friction(joints: Sequence[str], friction: FrictionPart) -> Section:
         f"{sign}{motors if coupled else ''}",
         Table(("joint", *map(_unit, friction.columns)), rows),
     )
-
-
-def _convergence(c: ConvergencePart) -> Section:
-    none = (None,) * len(c.iteration)
-    losses = (np.array(list(map(_value, x))) for x in (c.training, c.validation or none))
-    return Section("Convergence", figure=convergence(np.array(c.iteration), *losses))
 
 
 def _preparation(result: ResultRecord) -> Section:

@@ -76,21 +76,6 @@ def search_notes(best: Design, budget: float | None, starts: int) -> tuple[str, 
     return tuple(notes)
 
 
-def design_notes(lib: Library, requested: float, taken: float) -> tuple[str, ...]:
-    """Notes on a designed motion: a longer duration, and a robot without collision proxies."""
-    sentences = []
-    if taken != requested:
-        sentences.append(
-            f"note: {requested:g} s would break a limit, so the motion takes {taken:g} s"
-        )
-    if not lib.pairs:
-        sentences.append(
-            f"note: '{lib.name}' has no collision proxies, so collisions between its links and "
-            f"with its surroundings are not checked; {FIT_PROXIES}"
-        )
-    return tuple(sentences)
-
-
 def print_design(optimum: Design, expected: Prediction, lib: Library, note: str) -> None:
     """Print the criteria of a design, their spread over the starts, and the expected accuracy."""
     say(
@@ -181,8 +166,16 @@ def excite_one(
         written += write_pictures(profile_of(motion), path.with_suffix(".png"))
     print_design(optimum, expected, lib, note)
     notes = [*search_notes(optimum, given.budget, given.starts)]
-    if session is None:
-        notes += design_notes(lib, given.duration, optimum.trajectory.duration)
+    taken = optimum.trajectory.duration
+    if session is None and taken != given.duration:
+        notes.append(
+            f"note: {given.duration:g} s would break a limit, so the motion takes {taken:g} s"
+        )
+    if session is None and not lib.pairs:
+        notes.append(
+            f"note: '{lib.name}' has no collision proxies, so collisions between its links and "
+            f"with its surroundings are not checked; {FIT_PROXIES}"
+        )
     notes += ways.sentences(optimum.trajectory)
     if session is not None:
         notes += session_notes(ways, session)

@@ -27,13 +27,7 @@ from runtime.excitation.search.information import (
     information,
     spectrum_of,
 )
-from runtime.identification.expected_accuracy.expected import (
-    Expected,
-    Knowledge,
-    expected,
-    gain_slopes,
-    torque_of_gains,
-)
+from runtime.identification.expected_accuracy.expected import Expected, Knowledge, expected
 from runtime.identification.expected_accuracy.planned_samples import (
     MotionSamples,
     Noise,
@@ -230,15 +224,6 @@ class Situation:
                 "payload_only=true designs one)"
             )
         return sigmas
-
-    def with_gains(self, torque: Array, gain_error: float, unseen: Array) -> Array:
-        """σ of the torque of motions that are not in the log, errors of the torque gains included.
-
-        torque (n,), unseen (n, n_b, n_b) → (n,).
-        """
-        lib = self.lib
-        slopes = gain_slopes(lib, self.moved, self.noise, self.known, self.unit)
-        return np.hypot(torque, torque_of_gains(lib, slopes, gain_error, unseen))
 
     def sentence(self) -> str:
         """Sentence on duration, samples, noise and unknowns."""

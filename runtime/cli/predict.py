@@ -40,8 +40,10 @@ from runtime.identification.expected_accuracy.expected import (
     GainOfRecording,
     base_names,
     facts,
+    gain_slopes,
     gained,
     growth,
+    torque_of_gains,
     verdict,
 )
 from runtime.identification.expected_accuracy.planned_samples import (
@@ -204,9 +206,11 @@ def _show(
 
 def _unseen(situation: Situation, now: Expected, gain_error: float) -> tuple[Array, Array]:
     """σ of the torque of motions never seen, per joint, without and with errors of the gains."""
-    unseen = unseen_joints(situation.lib, situation.lib.home)
-    torque = now.torque(situation.lib, unseen)
-    return torque, situation.with_gains(torque, gain_error, unseen)
+    lib, s = situation.lib, situation
+    unseen = unseen_joints(lib, lib.home)
+    torque = now.torque(lib, unseen)
+    slopes = gain_slopes(lib, s.moved, s.noise, s.known, s.unit)
+    return torque, np.hypot(torque, torque_of_gains(lib, slopes, gain_error, unseen))
 
 
 def _gain_error(given: float | None, payload_only: bool) -> float:

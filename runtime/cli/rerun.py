@@ -62,7 +62,12 @@ def rerun_command(given: RerunSettings) -> None:
         with redirect_stdout(io.StringIO()):
             imported(listed[name]).main(words, standalone_mode=False)
         pairs = list(_pairs(given.result, again))
-        faults = [fault for pair in pairs for fault in _differences(*pair)]
+        faults: list[str] = []
+        for one, other in pairs:
+            if one.suffix == ".json":
+                faults += _unequal(json_of(one), json_of(other), one.name)
+            elif bytes_of(one) != bytes_of(other):
+                faults.append(f"{one.name} has other bytes")
     names = ", ".join(first.name for first, _ in pairs)
     if not faults:
         say(f"same digits: {names}")
@@ -80,14 +85,6 @@ def _pairs(first: Path, again: Path) -> Iterator[tuple[Path, Path]]:
     for path in sorted(again.iterdir()):
         if path.suffix in {".json", ".csv", ".toml"} and path.name != FILE:
             yield first / path.name, path
-
-
-def _differences(first: Path, again: Path) -> Iterator[str]:
-    """Sentences on values of two files that differ."""
-    if first.suffix == ".json":
-        yield from _unequal(json_of(first), json_of(again), first.name)
-    elif bytes_of(first) != bytes_of(again):
-        yield f"{first.name} has other bytes"
 
 
 def _unequal(first: Any, again: Any, place: str) -> Iterator[str]:

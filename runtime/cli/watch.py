@@ -107,7 +107,12 @@ def watch_command(given: WatchSettings) -> None:
     ]
     entries = [_facts(verdict) for verdict in verdicts]
     if given.history is not None:
-        marks = _marks(given.result, lib)
+        file = given.result / "result.json" if given.result.is_dir() else given.result
+        marks = {  # when and with which model a check was made
+            "checked": datetime.now(UTC).isoformat(timespec="seconds"),
+            "result_sha256": hashlib.sha256(bytes_of(file)).hexdigest(),
+            "model_hash": lib.manifest.model_hash,
+        }
         append_history(
             given.history,
             [
@@ -215,16 +220,6 @@ def _temperature(log: str, recipe: str | None, given: str | None) -> float | Non
             f"temperature=COLUMN|NUMBER, got {given}; correct it"
         )
     return number
-
-
-def _marks(result: Path, lib: Library) -> dict[str, Any]:
-    """When and with which model a check was made."""
-    file = result / "result.json" if result.is_dir() else result
-    return {
-        "checked": datetime.now(UTC).isoformat(timespec="seconds"),
-        "result_sha256": hashlib.sha256(bytes_of(file)).hexdigest(),
-        "model_hash": lib.manifest.model_hash,
-    }
 
 
 def _show(verdict: Verdict) -> None:

@@ -186,7 +186,16 @@ def sections(record: ResultRecord, rows: Mapping[str, Array]) -> Iterator[Sectio
     if record.sessions is not None:
         yield from several_logs_sections(record.sessions, links)
     if record.symmetric:
-        yield _sides(record.symmetric)
+        yield Section(
+            "Left and right",
+            "Values of mirrored joints with their 95 % intervals; friction is viscous and Coulomb. "
+            "The distance is in standard deviations of the difference. Pairs that disagree are "
+            "explained among the warnings.",
+            Table(
+                ("left", "right", "quantity", "value left", "value right", "agree"),
+                tuple(map(_row, record.symmetric)),
+            ),
+        )
     if record.uncertainty is not None:
         yield from uncertainty_sections(record.uncertainty, record.joints, links)
     if links:
@@ -274,19 +283,6 @@ def _value(value: float | None) -> float:
 
 def _unit(unit: str) -> str:
     return unit.replace("*", "·")
-
-
-def _sides(pairs: Sequence[MirroredPair]) -> Section:
-    return Section(
-        "Left and right",
-        "Values of mirrored joints with their 95 % intervals; friction is viscous and Coulomb. "
-        "The distance is in standard deviations of the difference. Pairs that disagree are "
-        "explained among the warnings.",
-        Table(
-            ("left", "right", "quantity", "value left", "value right", "agree"),
-            tuple(map(_row, pairs)),
-        ),
-    )
 
 
 def _row(pair: MirroredPair) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
 """Settings of `symgen excite`."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,8 @@ from runtime.cli.planned_log import (
     EarlierLogs,
     NoiseModel,
     PayloadOnly,
-    information_of,
+    friction_columns,
+    planned_noise,
 )
 from runtime.common.settings import data_field, method_field, model_field, output_field
 from runtime.common.terminal import completing
@@ -27,8 +28,10 @@ from runtime.excitation.limits.safety import Safety
 from runtime.excitation.motion.trajectory import BASES, basis_of
 from runtime.excitation.search.criteria import CRITERIA, criterion_of
 from runtime.excitation.search.design_settings import DesignSettings
-from runtime.excitation.search.information import FRICTION, Information
+from runtime.excitation.search.information import FRICTION, Information, NoiseSpectrum, information
+from runtime.identification.expected_accuracy.planned_samples import information_of_logs
 from runtime.library import Library
+from runtime.recording import read_recording
 from runtime.recording.settings import COLUMNS
 
 HARMONICS = 8
@@ -202,10 +205,7 @@ class ExciteSettings(MotionChoices):
         alone = self.payload_only or self.aim == "payload"
         usual = "cond" if self.document else "a" if alone and self.aim else self.aim or "mixed"
         wanted = self.criterion or usual
-        planned, note = information_of(
-            *(lib, self.noise, self.log_rate, self.earlier_log, alone, self.friction),
-            *(self.noise_model, self.cutoff),
-        )
+        planned, note = self.planned(lib, alone)
         is_informed = criterion_of(wanted).needs_information or bool(self.earlier_log) or alone
         if planned.spectrum is not None and not is_informed:
             raise IdentificationError(
@@ -228,6 +228,25 @@ class ExciteSettings(MotionChoices):
             margin=self.share,
         )
         return settings, planned, note
+
+    def planned(self, lib: Library, alone: bool) -> tuple[Information, str]:
+        """Noise, rate, earlier logs and unknowns of the log of the motion, and a note on them."""
+        rate = self.log_rate
+        information(lib, rate=rate)  # raises where the rate is out of range
+        columns = None if self.friction is None else friction_columns(self.friction)
+        torque = planned_noise(lib, self.noise, columns, self.noise_model)
+        sigma, independent = torque.sigma, rate / torque.rows_per_independent(rate)
+        planned = information(lib, sigma, independent, payload=alone, friction=columns)
+        if torque.spectrum is not None or self.cutoff is not None:
+            spectrum = torque.spectrum or NoiseSpectrum(np.zeros(0), np.zeros((0, lib.n_joints)))
+            if self.cutoff is not None:
+                spectrum = replace(spectrum, cutoff_hz=self.cutoff)
+            planned = replace(planned, spectrum=spectrum)
+        if self.earlier_log:
+            logs = [read_recording(log, joints=lib.joint_names) for log in self.earlier_log]
+            names = FRICTION if columns is None else columns
+            planned = replace(planned, earlier=information_of_logs(lib, logs, sigma, names))
+        return planned, torque.sentence()
 
     def require_meaning(self) -> None:
         """Refuse choices that have no meaning beside others."""

@@ -9,7 +9,6 @@ residuals are autocorrelated, so that only one row per T counts as independent. 
 independent noise alone.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -22,7 +21,6 @@ from runtime.errors import IdentificationError, RuntimeFault
 from runtime.excitation.search.information import (
     FRICTION,
     NOISE,
-    Information,
     NoiseSpectrum,
     information,
     spectrum_of,
@@ -159,33 +157,6 @@ def friction_columns(text: str) -> tuple[str, ...]:
             "viscous and the setting coulomb of excite take numbers"
         )
     return () if text == "none" else words
-
-
-def information_of(
-    lib: Library,
-    noise: str,
-    rate: float,
-    logs: Sequence[str] | None,
-    payload_only: bool,
-    friction: str | None = None,
-    model: str = WHITE,
-    cutoff: float | None = None,
-) -> tuple[Information, str]:
-    """Noise, rate, earlier logs and unknowns of a planned log."""
-    information(lib, rate=rate)  # raises where the rate is out of range
-    columns = None if friction is None else friction_columns(friction)
-    torque = planned_noise(lib, noise, columns, model)
-    sigma, independent = torque.sigma, rate / torque.rows_per_independent(rate)
-    planned = information(lib, sigma, independent, payload=payload_only, friction=columns)
-    if torque.spectrum is not None or cutoff is not None:
-        spectrum = torque.spectrum or NoiseSpectrum(np.zeros(0), np.zeros((0, lib.n_joints)))
-        spectrum = spectrum if cutoff is None else replace(spectrum, cutoff_hz=cutoff)
-        planned = replace(planned, spectrum=spectrum)
-    if not logs:
-        return planned, torque.sentence()
-    recordings = [read_recording(log, joints=lib.joint_names) for log in logs]
-    known = information_of_logs(lib, recordings, sigma, FRICTION if columns is None else columns)
-    return replace(planned, earlier=known), torque.sentence()
 
 
 def require_gain_error(gain_error: float) -> None:

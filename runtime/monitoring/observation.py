@@ -276,7 +276,20 @@ def signals_of(
         )
     first, direct, features = torques or both_torques(lib, model, s, recording)
     r = np.where(detector.is_direct, direct, first)
-    band, extra, rest = state_terms(lib, model, s, detector.root, recording)
+    band, extra, rest = (np.zeros_like(recording.q) for _ in range(3))
+    unknown, slowest = unknown_dry_friction(lib, model), slow_speeds(lib, model)
+    motion, further = _signals(recording, model)
+    for rows, position, speed, torque, signals in windows(s, recording.t, motion, further):
+        t = recording.t[rows]
+        if detector.root is not None:
+            band[rows] = _band(lib, model, s, detector.root, position, speed, signals)
+        if unknown.any():
+            rest[rows] = near(t, np.abs(speed) < slowest, 0.0, REVERSAL_S) * unknown
+        slow = near(t, model.is_slow(speed), 0.0, REVERSAL_S)
+        travel = np.abs(np.diff(position, axis=0, prepend=position[:1])).cumsum(axis=0)
+        extra[rows] = slow * (2 * model.dry_friction) + model.unknown_state(travel)
+        lag = max(s.steps, SLOPE_STEPS)
+        extra[rows][lag:] += np.abs(torque[lag:] - torque[:-lag]) / lag
     sigma = detector.noise.sigma
     usual, variance = usual_torque(r, features, sigma, s.rate_hz)
     known = np.sqrt(band**2 + variance)
@@ -362,35 +375,6 @@ def _signals(
     """q, dq and τ of a log, and the signals that the columns of a model need beside them."""
     motion = recording.q, recording.required("dq"), recording.required("tau")
     return motion, motion_of(recording, model.terms.columns, None).signals
-
-
-def state_terms(
-    lib: Library,
-    model: MonitoredModel,
-    s: ObserverSettings,
-    root: Array | None,
-    recording: Recording,
-) -> tuple[Array, Array, Array]:
-    """Band of the model, dry friction with timing, and unknown dry friction of resting joints.
-
-    root (p, columns) [β; φ] → (N, n) [N·m, N].
-    """
-    band, extra, rest = (np.zeros_like(recording.q) for _ in range(3))
-    unknown, slowest = unknown_dry_friction(lib, model), slow_speeds(lib, model)
-    for rows, position, speed, torque, signals in windows(
-        s, recording.t, *_signals(recording, model)
-    ):
-        t = recording.t[rows]
-        if root is not None:
-            band[rows] = _band(lib, model, s, root, position, speed, signals)
-        if unknown.any():
-            rest[rows] = near(t, np.abs(speed) < slowest, 0.0, REVERSAL_S) * unknown
-        slow = near(t, model.is_slow(speed), 0.0, REVERSAL_S)
-        travel = np.abs(np.diff(position, axis=0, prepend=position[:1])).cumsum(axis=0)
-        extra[rows] = slow * (2 * model.dry_friction) + model.unknown_state(travel)
-        lag = max(s.steps, SLOPE_STEPS)
-        extra[rows][lag:] += np.abs(torque[lag:] - torque[:-lag]) / lag
-    return band, extra, rest
 
 
 def _band(

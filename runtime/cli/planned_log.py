@@ -9,7 +9,7 @@ residuals are autocorrelated, so that only one row per T counts as independent. 
 independent noise alone.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -18,25 +18,11 @@ import typer
 from runtime.cli.common import numbers_option
 from runtime.common.settings import data_option, model_option
 from runtime.errors import IdentificationError, RuntimeFault
-from runtime.excitation.search.information import (
-    FRICTION,
-    NOISE,
-    NoiseSpectrum,
-    information,
-    spectrum_of,
-)
-from runtime.identification.expected_accuracy.expected import Expected, Knowledge, expected
-from runtime.identification.expected_accuracy.planned_samples import (
-    MotionSamples,
-    Noise,
-    information_of_logs,
-    motion_samples_of,
-    noise_of,
-)
+from runtime.excitation.search.information import FRICTION, NoiseSpectrum, information, spectrum_of
+from runtime.identification.expected_accuracy.planned_samples import motion_samples_of, noise_of
 from runtime.identification.prepared_log import prepared_log
 from runtime.identification.settings import NO_FRICTION, Settings
 from runtime.library import Array, Library
-from runtime.library.manifest import common_unit, torque_units
 from runtime.recording import Friction, read_recording
 
 NOISE_HELP = (
@@ -165,95 +151,3 @@ def require_gain_error(gain_error: float) -> None:
         raise RuntimeFault(
             f"the setting gain_error is a share of one, such as 0.005, got {gain_error:g}"
         )
-
-
-_MOMENTUM = "; rows of momentum, which show more than the rows of energy that the recipe states"
-
-
-@dataclass(frozen=True, slots=True)
-class Situation:
-    """A motion or log, the noise of its torque, and the knowledge before it."""
-
-    lib: Library  # library of the robot
-    moved: MotionSamples  # samples of the motion
-    noise: Array  # σ of the torque, (n,) N·m
-    unit: float  # samples per independent sample, at least 1
-    from_residuals: bool  # whether `noise` is from the residuals of the motion itself
-    planned: TorqueNoise  # noise that was given, or that of a planned motion
-    known: Knowledge  # prior and earlier logs
-
-    def expected(self, more: MotionSamples | None = None, seconds: float = 0.0) -> Expected:
-        """Expected accuracy of the motion, and of some seconds of another motion after it."""
-        statistics = self.moved.statistics(self.lib, self.noise)
-        if more is not None:
-            statistics = statistics.merged(more.statistics(self.lib, self.noise, seconds))
-        sigmas = expected(self.lib, statistics, self.known, self.unit, self.moved.columns)
-        if self.known.payload_only and sigmas.payload is None:
-            raise IdentificationError(
-                f"'{self.moved.name}' does not determine all ten parameters of a payload; give a "
-                "motion that turns the last link about all axes (excite --settings "
-                "payload_only=true designs one)"
-            )
-        return sigmas
-
-    def sentence(self) -> str:
-        """Sentence on duration, samples, noise and unknowns."""
-        low, high = self.noise.min(), self.noise.max()
-        size = f"{low:.3g}" + ("" if low == high else f"–{high:.3g}")
-        origin = " (RMS of the log's residuals)" if self.from_residuals else ""
-        if self.planned.log is not None and not self.from_residuals:
-            origin = f" (RMS of the residuals of {self.planned.log})"
-        count = len(self.moved.samples)
-        effective = (
-            f", as good as {count / self.unit:.0f} independent ones" if self.unit > 1 else ""
-        )
-        earlier = ", earlier logs counted" if self.known.earlier is not None else ""
-        beside = ", ".join(self.moved.columns) or "none"
-        rows = _MOMENTUM if self.moved.replaces_power else ""
-        unit = common_unit(torque_units(self.lib.manifest))
-        return (
-            f"{self.moved.name}: {self.moved.seconds:.3g} s, {count} samples{effective}; torque "
-            f"noise {size} {unit}{origin}; friction columns: {beside}{earlier}{rows}"
-        )
-
-    def facts(self) -> dict[str, object]:
-        """The same as JSON-ready values."""
-        count = len(self.moved.samples)
-        return {
-            "robot": self.lib.name,
-            "motion": self.moved.name,
-            "seconds": self.moved.seconds,
-            "rate_hz": self.moved.rate,
-            "n_samples": count,
-            "n_eff": count / self.unit,
-            "torque_noise": self.noise.tolist(),
-            "noise_from_residuals": self.from_residuals,
-            "noise_log": None if self.from_residuals else self.planned.log,
-            "friction": list(self.moved.columns),
-            "earlier_logs_count": self.known.earlier is not None,
-        }
-
-
-def situation_of(
-    lib: Library,
-    moved: MotionSamples,
-    noise: str | None,
-    earlier: list[str] | None,
-    payload_only: bool,
-) -> Situation:
-    """Situation of the options; the noise is by default that of the log's residuals."""
-    given = None if noise is None else planned_noise(lib, noise, moved.columns)
-    planned = given or TorqueNoise(np.full(lib.n_joints, NOISE))
-    residual_noise: Noise | None = noise_of(lib, moved)
-    known = replace(Knowledge.of(lib), payload_only=payload_only)
-    if residual_noise is not None:
-        known = replace(known, pi=residual_noise.pi, error=residual_noise.error)
-    from_residuals = given is None and residual_noise is not None
-    sigma = residual_noise.sigma if from_residuals and residual_noise is not None else planned.sigma
-    if earlier:
-        logs = [read_recording(log, joints=lib.joint_names) for log in earlier]
-        known = replace(known, earlier=information_of_logs(lib, logs, sigma, moved.columns))
-    unit = planned.rows_per_independent(moved.rate)
-    if residual_noise is not None and planned.log is None:
-        unit = residual_noise.inflation
-    return Situation(lib, moved, sigma, unit, from_residuals, planned, known)

@@ -12,10 +12,10 @@ from runtime.cli.planned_log import (
     NOISE_HELP,
     EarlierLogs,
     PayloadOnly,
-    Situation,
+    TorqueNoise,
     friction_columns,
+    planned_noise,
     require_gain_error,
-    situation_of,
 )
 from runtime.cli.shown_progress import shown_progress
 from runtime.common.files import json_text, require_unused
@@ -38,7 +38,9 @@ from runtime.identification.expected_accuracy.expected import (
     SECONDS,
     Expected,
     GainOfRecording,
+    Knowledge,
     base_names,
+    expected,
     facts,
     gain_slopes,
     gained,
@@ -48,14 +50,17 @@ from runtime.identification.expected_accuracy.expected import (
 )
 from runtime.identification.expected_accuracy.planned_samples import (
     MotionSamples,
+    Noise,
+    information_of_logs,
     motion_samples_of,
+    noise_of,
     planned_recording,
 )
 from runtime.identification.expected_accuracy.session_error import ModelError
 from runtime.identification.prepared_log import prepared_log
 from runtime.identification.settings import Settings
 from runtime.library import Array, Library
-from runtime.library.manifest import listed_torques, torque_units
+from runtime.library.manifest import common_unit, listed_torques, torque_units
 from runtime.library.parameters import N_PARAMETERS, inertia, links, mass
 from runtime.outputs.report.log_figure import draw_growth
 from runtime.recording import Friction, read_recording
@@ -140,13 +145,8 @@ def predict_command(given: PredictSettings) -> None:
         given.log_rate,
         given.rate,
     )
-    situation = situation_of(
-        lib,
-        _moved(given, lib, given.trajectory, given.log_rate),
-        given.noise,
-        given.earlier_log,
-        given.payload_only,
-    )
+    moved = _moved(given, lib, given.trajectory, given.log_rate)
+    situation = situation_of(lib, moved, given)
     now = situation.expected()
     steps = () if given.more is None else _gains(situation, now, given)
     if given.plot is not None:
@@ -162,6 +162,92 @@ def predict_command(given: PredictSettings) -> None:
     _show(situation, now, gains, steps)
     if given.plot is not None:
         say(f"plot: {given.plot}")
+
+
+_MOMENTUM = "; rows of momentum, which show more than the rows of energy that the recipe states"
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """A motion or log, the noise of its torque, and the knowledge before it."""
+
+    lib: Library  # library of the robot
+    moved: MotionSamples  # samples of the motion
+    noise: Array  # σ of the torque, (n,) N·m
+    unit: float  # samples per independent sample, at least 1
+    from_residuals: bool  # whether `noise` is from the residuals of the motion itself
+    planned: TorqueNoise  # noise that was given, or that of a planned motion
+    known: Knowledge  # prior and earlier logs
+
+    def expected(self, more: MotionSamples | None = None, seconds: float = 0.0) -> Expected:
+        """Expected accuracy of the motion, and of some seconds of another motion after it."""
+        statistics = self.moved.statistics(self.lib, self.noise)
+        if more is not None:
+            statistics = statistics.merged(more.statistics(self.lib, self.noise, seconds))
+        sigmas = expected(self.lib, statistics, self.known, self.unit, self.moved.columns)
+        if self.known.payload_only and sigmas.payload is None:
+            raise IdentificationError(
+                f"'{self.moved.name}' does not determine all ten parameters of a payload; give a "
+                "motion that turns the last link about all axes (excite --settings "
+                "payload_only=true designs one)"
+            )
+        return sigmas
+
+    def sentence(self) -> str:
+        """Sentence on duration, samples, noise and unknowns."""
+        low, high = self.noise.min(), self.noise.max()
+        size = f"{low:.3g}" + ("" if low == high else f"–{high:.3g}")
+        origin = " (RMS of the log's residuals)" if self.from_residuals else ""
+        if self.planned.log is not None and not self.from_residuals:
+            origin = f" (RMS of the residuals of {self.planned.log})"
+        count = len(self.moved.samples)
+        effective = (
+            f", as good as {count / self.unit:.0f} independent ones" if self.unit > 1 else ""
+        )
+        earlier = ", earlier logs counted" if self.known.earlier is not None else ""
+        beside = ", ".join(self.moved.columns) or "none"
+        rows = _MOMENTUM if self.moved.replaces_power else ""
+        unit = common_unit(torque_units(self.lib.manifest))
+        return (
+            f"{self.moved.name}: {self.moved.seconds:.3g} s, {count} samples{effective}; torque "
+            f"noise {size} {unit}{origin}; friction columns: {beside}{earlier}{rows}"
+        )
+
+    def facts(self) -> dict[str, object]:
+        """The same as JSON-ready values."""
+        count = len(self.moved.samples)
+        return {
+            "robot": self.lib.name,
+            "motion": self.moved.name,
+            "seconds": self.moved.seconds,
+            "rate_hz": self.moved.rate,
+            "n_samples": count,
+            "n_eff": count / self.unit,
+            "torque_noise": self.noise.tolist(),
+            "noise_from_residuals": self.from_residuals,
+            "noise_log": None if self.from_residuals else self.planned.log,
+            "friction": list(self.moved.columns),
+            "earlier_logs_count": self.known.earlier is not None,
+        }
+
+
+def situation_of(lib: Library, moved: MotionSamples, stated: PredictSettings) -> Situation:
+    """Situation of the options; the noise is by default that of the log's residuals."""
+    given = None if stated.noise is None else planned_noise(lib, stated.noise, moved.columns)
+    planned = given or TorqueNoise(np.full(lib.n_joints, NOISE))
+    residual_noise: Noise | None = noise_of(lib, moved)
+    known = replace(Knowledge.of(lib), payload_only=stated.payload_only)
+    if residual_noise is not None:
+        known = replace(known, pi=residual_noise.pi, error=residual_noise.error)
+    from_residuals = given is None and residual_noise is not None
+    sigma = residual_noise.sigma if from_residuals and residual_noise is not None else planned.sigma
+    if stated.earlier_log:
+        logs = [read_recording(log, joints=lib.joint_names) for log in stated.earlier_log]
+        known = replace(known, earlier=information_of_logs(lib, logs, sigma, moved.columns))
+    unit = planned.rows_per_independent(moved.rate)
+    if residual_noise is not None and planned.log is None:
+        unit = residual_noise.inflation
+    return Situation(lib, moved, sigma, unit, from_residuals, planned, known)
 
 
 def _facts(

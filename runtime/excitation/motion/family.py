@@ -15,7 +15,17 @@ from runtime.library import Array, Library
 
 
 class Basis(Protocol):
-    """A family of functions, hashable; a motion uses as many as it has coefficients per joint."""
+    """A family of functions, hashable; a motion uses as many as it has coefficients per joint.
+
+    Args:
+        lib: the robot, whose kernel the cosines use.
+        size: number of functions.
+        t: times, (N,) s.
+        duration: t_f, s.
+        order: k of a derivative.
+        orders: number of derivatives, the function itself included.
+        s: t / t_f, (N,), 0 ≤ s ≤ 1.
+    """
 
     def __hash__(self) -> int:
         """Motions of equal bases share tables of their functions."""
@@ -43,12 +53,6 @@ class Basis(Protocol):
     def at(self, lib: Library, size: int, t: Array, duration: float) -> Array:
         """Functions in time, by their derivatives by s.
 
-        Args:
-            lib: the robot, whose kernel the cosines use.
-            size: number of functions.
-            t: times, (N,) s.
-            duration: t_f, s.
-
         Returns:
             φ_m and three time derivatives, (N, size, 4).
         """
@@ -60,21 +64,12 @@ class Basis(Protocol):
     def derivatives(self, orders: int, size: int, s: Array) -> Array:
         """Derivatives by s.
 
-        Args:
-            orders: number of derivatives, the function itself included.
-            size: number of functions.
-            s: t / t_f, (N,), 0 ≤ s ≤ 1.
-
         Returns:
             d^k φ_m/ds^k, k < orders, (orders, N, size).
         """
 
     def bound(self, order: int, size: int) -> Array:
         """Largest size of a derivative.
-
-        Args:
-            order: k of the derivative.
-            size: number of functions.
 
         Returns:
             Upper bounds of |d^k φ_m/ds^k| over 0 ≤ s ≤ 1, (size,).

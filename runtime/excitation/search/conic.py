@@ -141,7 +141,12 @@ def _parts(matrix: Array) -> list[tuple[NDArray[np.intp], NDArray[np.intp], Arra
 
 
 class Nonlinear(Protocol):
-    """Many smooth rows g(x) ≤ 0, those of a grid next to each other."""
+    """Many smooth rows g(x) ≤ 0, those of a grid next to each other.
+
+    Args:
+        x: point, (p,).
+        numbers: of chosen rows, ascending, (m,).
+    """
 
     def violation(self, x: Array) -> float:
         """Violation v(x) = max(0, max g)."""
@@ -152,20 +157,12 @@ class Nonlinear(Protocol):
     def values(self, x: Array, numbers: NDArray[np.intp]) -> Array:
         """Values of chosen rows.
 
-        Args:
-            x: point, (p,).
-            numbers: of the rows, ascending, (m,).
-
         Returns:
             g, (m,).
         """
 
     def jacobian(self, x: Array, numbers: NDArray[np.intp]) -> Array:
         """Slopes of chosen rows.
-
-        Args:
-            x: point, (p,).
-            numbers: of the rows, ascending, (m,).
 
         Returns:
             J, (m, p).

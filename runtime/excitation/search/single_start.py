@@ -183,6 +183,11 @@ class Search:
     """Descents from random starts and from variations of good ones.
 
     A start depends on its number and the seed alone, a variation also on its parents.
+
+    Args:
+        number: number of the descent, which with the seed decides the random part.
+        parents: motions (n, M) [rad, m] each.
+        best: best target so far.
     """
 
     def __init__(self, lib: Library, settings: DesignSettings) -> None:
@@ -213,10 +218,6 @@ class Search:
         """Descent from a random motion, within the limits of its grid.
 
         A start of a smooth criterion that is behind `best` is given up, see `TRIED`.
-
-        Args:
-            number: number of the start, which with the seed decides the motion.
-            best: best target so far.
 
         Returns:
             Target and coefficients (n, M) [rad, m].
@@ -261,11 +262,6 @@ class Search:
         others stay admissible. D-optimality is skipped. Where the criterion is kinked, what has
         come back to a parent after the next stage is that parent, and what is not below `best` +
         `LATE_GAIN` is given up.
-
-        Args:
-            number: number of the variation, which with the seed decides the random part.
-            parents: motions (n, M) [rad, m] each.
-            best: best target so far.
 
         Returns:
             Target and coefficients (n, M) [rad, m].

@@ -18,7 +18,7 @@ from runtime.estimators.regression import causes
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.estimators.uncertainty import Uncertainty
 from runtime.excitation import Trajectory
-from runtime.identification.payload.arm_error import ArmModel
+from runtime.identification.payload.arm_error import arm_of_result
 from runtime.identification.payload.body import Body, KnownPayload, body_of, mount_of
 from runtime.identification.sensor_gains import identify_gains
 from runtime.identification.single_log import identify_recording as fit
@@ -140,10 +140,9 @@ def _band(result: Identification) -> float:
 
 def _payload(pair: Pair, result: Identification, preparation: Preparation | None) -> float:
     """Share of the ten values of the box within their intervals, with the identified arm."""
-    arm = ArmModel(result.pi, result.friction, result.phi, "identified")
-    body = identify_payload(pair.loaded, result.lib, LINK, arm=arm, preparation=preparation).body
-    wrong = body.values - _body(result.lib).values
-    return float(np.mean(np.abs(wrong) < NORMAL_95 * body.sigma))
+    steps = {"arm": arm_of_result(result), "preparation": preparation, "gain_error": 0.0}
+    body = identify_payload(pair.loaded, result.lib, LINK, **steps).body
+    return float(np.mean(np.abs(body.values - _body(result.lib).values) < NORMAL_95 * body.sigma))
 
 
 def _gains(pair: Pair, lib: Library, preparation: Preparation | None) -> float:

@@ -130,7 +130,8 @@ def weigh(
         if cutoff:
             b, a = signal.butter(4, cutoff / 50.0)
             noise = signal.filtfilt(b, a, noise, axis=0)
-        payload = identify_payload(run.replace(tau=run.tau + box + noise), lib, arm=arm)
+        noisy = run.replace(tau=run.tau + box + noise)
+        payload = identify_payload(noisy, lib, arm=arm, gain_error=0.0)
         errors.append(payload.body.values - TRUTH)
         held.append(np.abs(errors[-1]) < NORMAL_95 * payload.body.sigma)
     wrong = np.array(errors)

@@ -42,7 +42,13 @@ import numpy as np
 from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
 from runtime.estimators.regression.model_error import gain_error
 from runtime.estimators.regression.samples import NORMAL_95, Samples
-from runtime.identification.posterior_file import FILE, read_posterior
+from runtime.identification.identified import Identification
+from runtime.identification.posterior_file import (
+    FILE,
+    SavedPosterior,
+    posterior_of_result,
+    read_posterior,
+)
 from runtime.identification.saved_result import read_result, require_model
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
@@ -95,17 +101,28 @@ def arm_model(lib: Library) -> ArmModel:
     return ArmModel(lib.pi0, Friction(()), np.zeros((lib.n_joints, 0)), "the URDF, no friction")
 
 
+def arm_of_result(result: Identification) -> ArmModel:
+    """An identified arm, whose errors are those of its posterior."""
+    posterior, lib, phi = posterior_of_result(result), result.lib, result.usual_phi
+    root = None if posterior is None else _root(posterior, lib, phi)
+    return ArmModel(result.pi, result.friction, phi, "identified", root)
+
+
 def read_arm_model(path: Path, lib: Library) -> ArmModel:
     """Read the arm from a result of identify."""
     saved, root = read_result(path), None
     notes = require_model(saved.record, lib, path)
     origin = "; ".join((f"identified, '{path}'", *notes))
     if (path if path.is_dir() else path.parent).joinpath(FILE).exists():
-        root = read_posterior(path, saved, lib).of_readings().root(lib)
-        day = np.zeros((len(root), saved.phi.size))
-        day[-saved.phi.size or len(day) :] = np.diag(FRICTION_DAY * saved.phi.ravel())
-        root = np.hstack([root, day])
+        root = _root(read_posterior(path, saved, lib), lib, saved.phi)
     return ArmModel(saved.pi, saved.friction, saved.phi, origin, root)
+
+
+def _root(posterior: SavedPosterior, lib: Library, phi: Array) -> Array:
+    """Root of the covariance of [β; φ] on another day, (n_b + n k, m)."""
+    root = posterior.of_readings().root(lib)
+    day = np.diag(FRICTION_DAY * phi.ravel())
+    return np.hstack([root, np.vstack([np.zeros((len(root) - len(day), len(day))), day])])
 
 
 def posterior_covariance(

@@ -9,7 +9,7 @@ import pytest
 
 from runtime.excitation import Trajectory
 from runtime.identification.metrics import torque_error
-from runtime.identification.payload.arm_error import ArmModel
+from runtime.identification.payload.arm_error import arm_of_result
 from runtime.identification.payload.estimate import identify_payload
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
@@ -97,7 +97,7 @@ def test_what_can_be_learnt(lib: Library, runs: Runs, pi_true: np.ndarray) -> No
     # What a prototype of this estimator reached on a robot of this friction, j1 … j7.
     assert (error < [3.1, 0.65, 2.2, 0.75, 11.5, 2.4, 16]).all()
     assert result.is_consistent
-    arm = ArmModel(result.pi, result.friction, result.phi, "identified")
+    arm = arm_of_result(result)
     payload = identify_payload(runs.loaded, lib, arm=arm, preparation=preparation)
     # A gain error of 0.3 % of the torque sensors is 5 g of 1.8 kg; load friction adds some.
     assert payload.pi[0] == pytest.approx(1.8, abs=0.015)

@@ -3,7 +3,8 @@
 The reading of a joint is g_j times the true torque. Without a known load, parameters and friction
 absorb any factor that all g_j have in common. The payload determines this factor, and β, which the
 joints share, transfers it to joints that the payload hardly loads. Correlated residuals count as
-N_eff samples (`coloured_noise`). Source: Gautier & Briot 2014 for the joint problem.
+N_eff samples (`coloured_noise`); intervals contain scatter of blocks and torque that no column has
+(`model_error`). Source: Gautier & Briot 2014 for the joint problem.
 
 Least squares of the sensor gains, from two runs and a known payload.
 
@@ -31,6 +32,7 @@ from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.gauss_newton import Linearised, gauss_newton
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of_basis
+from runtime.estimators.regression.model_error import FreeFit, with_model_error
 from runtime.estimators.regression.posterior import ROUNDING, least_squares, posterior_of
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification.current_gains import channels_of, of_gain_one
@@ -54,6 +56,8 @@ FEWEST_ROWS = 50
 """Samples of a run below which neither noise nor correlation can be estimated."""
 _BLOCK = 4096
 """Rows that are computed at once."""
+MOST_ROWS = 6000
+"""Rows of both runs above which the error of the model is estimated from as many."""
 _DIGITS = 1e-4
 """Relative difference up to which torques count as the same, written with fewer digits."""
 
@@ -371,10 +375,33 @@ def _over_noise(problem: GainProblem, solution: GainSolution, block: Array) -> t
     return basis.transpose(1, 0, 2), rest.T
 
 
+def _root(problem: GainProblem, solution: GainSolution, coloured: ColouredNoise) -> Array:
+    """Root of the covariance of (θ, g, b); of joints as channels with the error of the model."""
+    root = solution.root * np.sqrt(coloured.density)
+    if any(run.coupling is not None for run in problem.runs):
+        return root
+    step = -(-problem.n_samples // MOST_ROWS)
+    runs = tuple(run.rows(slice(None, None, step)) for run in problem.runs)
+    parts = [
+        _over_noise(problem, solution, block) for block in replace(problem, runs=runs).blocks()
+    ]
+    # As many rows of a low-passed log know as much: the basis of the fewer ones is longer.
+    basis = np.concatenate([each for each, _ in parts]) * np.sqrt(step)
+    rest = np.concatenate([each for _, each in parts])
+    density = coloured_noise_of_basis([(basis, rest)], 1).density
+    if not density > 0:
+        return root
+    flat, unit = basis.reshape(rest.size, -1), 1 / solution.noise
+    known = np.zeros(rest.size)
+    longer, samples = solution.root * np.sqrt(step), Samples.joined(runs)
+    fit = FreeFit(samples, unit, longer, flat, known, rest.ravel(), ())
+    return with_model_error(problem.lib, fit, problem.lib.pi0, density, root)
+
+
 def _gains(problem: GainProblem, solution: GainSolution, coloured: ColouredNoise) -> Gains:
     """Gains and bias with their standard deviations, status and notes."""
     n, names = len(solution.g), problem.channels
-    root = solution.root * np.sqrt(coloured.density)
+    root = _root(problem, solution, coloured)
     p = len(solution.theta)
     of_gains, of_offsets = root[p : p + n], root[p + n :].reshape(len(RUNS), n, -1)
     covariance = of_gains @ of_gains.T

@@ -302,6 +302,18 @@ def nuisance_of(
     return NuisanceTorque(np.hstack(kept), np.hstack(errors), mean)
 
 
+def with_model_error(lib: Library, fit: FreeFit, pi: Array, density: float, root: Array) -> Array:
+    """Root of the covariance of the unknowns of a fit with scatter of blocks and nuisance torque.
+
+    root of that by noise alone (p, r) → (p, m).
+    """
+    torque = nuisance_of(lib, fit, pi, density)
+    rest = fit.rest.reshape(torque.mean.shape) - torque.mean
+    sizes, axes = np.linalg.eigh(scatter(fit.samples, fit.basis, rest, density))
+    wider = axes * np.sqrt(np.maximum(sizes / density, 1.0))
+    return np.hstack([root @ wider, fit.root @ torque.error])
+
+
 def size_posterior(gram: Array, z: Array, density: float, sizes: Array) -> tuple[Array, Array]:
     """C_s^½ and s̄ of s | r ~ N(s̄, C_s): C_s⁻¹ = G/S + Λ⁻¹, s̄ = C_s z/S, λ of `sizes` (m,)."""
     power, axes = np.linalg.eigh(sizes[:, None] * gram * sizes / density + np.eye(len(sizes)))

@@ -68,7 +68,8 @@ def test_a_gain_that_is_wide_open_is_stated_up_to_a_factor_of_ten():
 
 
 def test_sigma_grows_with_the_root_of_the_density(measured_runs, lib, monkeypatch):
-    """Closed form: noise of nine times the density at the same variance triples every σ."""
+    """Closed form: noise of nine times the density at one variance triples every σ of noise."""
+    monkeypatch.setattr(estimate, "with_model_error", lambda *given: given[-1])
     sigma = []
     for density in (0.01, 0.09):  # every gain is determined
         coloured = ColouredNoise(density=density, variance=1.0)
@@ -76,6 +77,18 @@ def test_sigma_grows_with_the_root_of_the_density(measured_runs, lib, monkeypatc
         result = identify_gains(*measured_runs, lib, BODY)
         sigma.append(np.concatenate([result.sigma, result.bias_sigma.ravel()]))
     np.testing.assert_allclose(sigma[1], 3 * sigma[0], rtol=1e-9)
+
+
+def test_intervals_contain_what_returns_with_the_posture(measured_runs, lib, monkeypatch):
+    """Property: cables of 0.5 N·m/rad, the same in both runs, which intervals of noise ignore."""
+    pair = [run.replace(tau=run.tau + 0.5 * np.sin(run.q)) for run in measured_runs]
+    without = identify_gains(*measured_runs, lib, BODY).estimate
+    found = identify_gains(*pair, lib, BODY)
+    off = np.abs(found.estimate - without)[found.is_determined]
+    assert np.all(off < 2 * found.sigma[found.is_determined])
+    monkeypatch.setattr(estimate, "with_model_error", lambda *given: given[-1])
+    alone = identify_gains(*pair, lib, BODY)
+    assert np.max(np.abs(alone.estimate - without) / alone.sigma) > 3
 
 
 def test_two_runs_without_any_torque_are_the_same(measured_runs, lib):

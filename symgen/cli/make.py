@@ -240,8 +240,8 @@ def check_command(given: CheckSettings) -> None:
     for folder in folders_of(given.out, given.robot):
         bundled = folder.name in bundled_robots()
         request = bundled_request(folder.name) if bundled else request_from_folder(folder)
-        emitted, _ = generate(request)
-        for file, text in emitted.files.items():
+        files, _ = generate(request)
+        for file, text in files.items():
             path = folder / file
             old = path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
             if old != text:

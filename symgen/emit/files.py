@@ -251,23 +251,14 @@ _STORE = re.compile(r"Y_b\[(\d+)\] = (.*);")
 _TEMPLATES = Path(__file__).parents[1] / "templates"
 
 
-@dataclass(frozen=True, slots=True)
-class EmittedRobot:
-    """Text of a generated folder."""
-
-    files: dict[str, str]  # name → text
-    # hash of all that library and manifest share, compared when the library is loaded
-    model_hash: str
-
-
 def emit(
     name: str,
     kernels: tuple[Kernel, ...],
     facts: dict[str, Any],
     versions: dict[str, str],
     longest_reference: int | None = None,
-) -> EmittedRobot:
-    """Render all files of a generated folder."""
+) -> dict[str, str]:
+    """Text of all files of a generated folder, by name."""
     render = renderer()
     referenced = kernels
     if longest_reference is not None:
@@ -294,7 +285,7 @@ def emit(
     for template in sorted(_TEMPLATES.iterdir()):  # programs and structs are shared by both sides
         if not template.name.startswith("controller."):  # in no library
             digest.update(template.read_bytes())
-    manifest["model_hash"] = digest.hexdigest()
+    manifest["model_hash"] = digest.hexdigest()  # compared when the library is loaded
     context |= {
         "bodies": forms.bodies,
         "parts": {
@@ -326,7 +317,7 @@ def emit(
         for included in extra.includes:
             files[included] = (_TEMPLATES / included).read_text(encoding="utf-8")
         files[extra.file] = render(f"{extra.file}.jinja2", context | extra.context)
-    return EmittedRobot(files, manifest["model_hash"])
+    return files
 
 
 def _kernel_entry(kernel: Kernel) -> dict[str, Any]:

@@ -24,18 +24,11 @@ from runtime.common.files import json_of, json_text, sha256_of
 from runtime.common.user_builds import is_user_build, record_build
 from symgen.catalogue import LONG, make_catalogue
 from symgen.chain import Chain, read_chain
-from symgen.emit.files import EmittedRobot, controller_files, emit
+from symgen.emit.files import controller_files, emit
 from symgen.errors import BuildError
 from symgen.kernel import Kernel
 from symgen.make import VERSION
-from symgen.make.compiler import (
-    PORTABLE,
-    REFERENCE,
-    Compiled,
-    compile_library,
-    how_to_compile,
-    level_names,
-)
+from symgen.make.compiler import PORTABLE, REFERENCE, compile_library, how_to_compile, level_names
 from symgen.make.facts import initial_parameters, model_facts, notes_of
 from symgen.make.request import BuildRequest
 from symgen.mechanics.loop_range import within_loops
@@ -141,10 +134,10 @@ def build(
     return BuildResult(folder, True, (*draft.notes, *filter(None, [note])))
 
 
-def generate(request: BuildRequest) -> tuple[EmittedRobot, tuple[str, ...]]:
+def generate(request: BuildRequest) -> tuple[dict[str, str], tuple[str, ...]]:
     """Return all committed files of a robot as text, and notes for the user."""
     draft = _draft(request)
-    return _emitted(request, draft), draft.notes
+    return _texts(request, draft), draft.notes
 
 
 def write_controller(
@@ -185,12 +178,11 @@ def _draft(request: BuildRequest) -> _Draft:
     return _Draft(chain, catalogue.kernels, facts, notes_of(chain, projected))
 
 
-def _emitted(request: BuildRequest, draft: _Draft) -> EmittedRobot:
+def _texts(request: BuildRequest, draft: _Draft) -> dict[str, str]:
     longest = LONG if draft.chain.is_large else None
-    robot = emit(request.name, draft.kernels, draft.facts, _versions(), longest)
-    files = robot.files | {f"{request.name}.urdf": draft.chain.urdf}
-    files["compile.json"] = _compile_facts(files)
-    return EmittedRobot(files, robot.model_hash)
+    files = emit(request.name, draft.kernels, draft.facts, _versions(), longest)
+    files[f"{request.name}.urdf"] = draft.chain.urdf
+    return files | {"compile.json": _compile_facts(files)}
 
 
 def is_current(request: BuildRequest, folder: Path, levels: Sequence[str] | None = None) -> bool:
@@ -219,9 +211,10 @@ def _compile_facts(files: dict[str, str]) -> str:
 
 def _fill(staging: Path, request: BuildRequest, draft: _Draft, levels: Sequence[str]) -> str:
     """Write and compile all files."""
-    files = _emitted(request, draft).files
+    files = _texts(request, draft)
     _write_files(staging, files)
-    compiled = _compile(staging, staging / f"lib{request.name}.so", levels)
+    library = staging / f"lib{request.name}.so"
+    compiled = compile_library(staging, json_of(staging / "compile.json"), levels, library)
     record = {
         "fingerprint": request.fingerprint,
         "levels": sorted(set(levels)),
@@ -231,17 +224,13 @@ def _fill(staging: Path, request: BuildRequest, draft: _Draft, levels: Sequence[
         "compiler": compiled.version,
     }
     (staging / "build.json").write_text(json_text(record))
-    (staging / f"lib{request.name}.so").chmod(0o755)  # the run time opens what only its user writes
+    library.chmod(0o755)  # the run time opens what only its user writes
     return compiled.sha256
 
 
 def _write_files(staging: Path, files: Mapping[str, str]) -> None:
     for name, text in files.items():
         (staging / name).write_text(text, encoding="utf-8", newline="\n")
-
-
-def _compile(staging: Path, library: Path, levels: Sequence[str]) -> Compiled:
-    return compile_library(staging, json_of(staging / "compile.json"), levels, library)
 
 
 @contextmanager

@@ -31,7 +31,7 @@ VERSIONS = {"symgen": "0", "casadi": "0"}
 
 def write_toy(folder: Path, kernels: tuple[Kernel, ...]) -> None:
     """Emit a robot named toy into a folder."""
-    for name, text in emit("toy", kernels, FACTS, VERSIONS).files.items():
+    for name, text in emit("toy", kernels, FACTS, VERSIONS).items():
         (folder / name).write_text(text, encoding="utf-8")
 
 

@@ -77,7 +77,7 @@ def bare(tmp_path_factory: pytest.TempPathFactory) -> runtime.Library:
 
 def test_a_folder_of_placeholders_is_in_sync(bare: runtime.Library) -> None:
     """Property: `check` regenerates it from its own URDF and manifest."""
-    files = generate(request_from_folder(bare.folder))[0].files
+    files = generate(request_from_folder(bare.folder))[0]
     assert files["manifest.json"] == (bare.folder / "manifest.json").read_text()
 
 

@@ -202,8 +202,8 @@ def test_wrong_motions_of_the_base_are_refused(lib: Library, fr3: Library) -> No
 
 def test_the_folder_regenerates_itself(lib: Library) -> None:
     """Property: `symgen check` writes the same files from URDF and manifest."""
-    emitted, _ = generate(request_from_folder(lib.folder))
-    assert emitted.files["manifest.json"] == (lib.folder / "manifest.json").read_text()
+    files, _ = generate(request_from_folder(lib.folder))
+    assert files["manifest.json"] == (lib.folder / "manifest.json").read_text()
 
 
 def test_refused_builds(

@@ -88,11 +88,11 @@ def test_missing_or_edited_files_are_rebuilt(
 
 def test_same_input_same_bytes(tiny_built: Path, tiny_request: BuildRequest) -> None:
     """Property: generated text depends on nothing but the request."""
-    robot, _ = generate(tiny_request)
-    for name, text in robot.files.items():
+    files, _ = generate(tiny_request)
+    for name, text in files.items():
         assert (tiny_built / name).read_text(encoding="utf-8") == text, name
     other = BuildRequest("tiny", tiny_request.urdf.replace("tiny", "other"))
-    assert generate(other)[0].files["kernels.c"] != robot.files["kernels.c"]  # the model's hash
+    assert generate(other)[0]["kernels.c"] != files["kernels.c"]  # the model's hash
 
 
 def test_generated_text_names_no_machine(tiny_built: Path) -> None:
@@ -111,7 +111,7 @@ def test_committed_code_is_in_sync(robot: str) -> None:
     committed = REPOSITORY / "generated" / robot
     if not (committed / "manifest.json").exists():
         pytest.skip(f"generated/{robot} is not part of this installation")
-    for name, text in generate(bundled_request(robot))[0].files.items():
+    for name, text in generate(bundled_request(robot))[0].items():
         assert (committed / name).read_text(encoding="utf-8") == text, (
             f"{name} is stale: python -m symgen build"
         )

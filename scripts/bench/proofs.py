@@ -20,7 +20,7 @@ from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.distance_limits import Clearance
 from runtime.excitation.limits.limit_rows import Limits, inside
 from runtime.excitation.limits.safety import Safety
-from runtime.excitation.limits.torque_limits import Torque
+from runtime.excitation.limits.torque_limits import TorqueLimit
 from runtime.excitation.motion.trajectory import basis_of
 from runtime.excitation.proof.bounds import constraint_bounds
 from runtime.excitation.proof.certificate import Certificate, certificate_of
@@ -242,7 +242,7 @@ def planted(lib: Library, rng: np.random.Generator) -> tuple[bool, bool]:
     basis = Spiked(float(middle), BUMP / 2 / duration)
     calm = 1e-3 * rng.normal(size=(n, 4))
     limits = constraints(lib, lib.home, Safety(table=TABLE))
-    torque = next(one for one in limits if isinstance(one, Torque))
+    torque = next(one for one in limits if isinstance(one, TorqueLimit) and one.order == 0)
     clearances = [one for one in limits if isinstance(one, Clearance)]
     t = np.arange(2001) * 1e-3
     inside_ = np.linspace(-BUMP / 2, BUMP / 2, 301) + middle * duration

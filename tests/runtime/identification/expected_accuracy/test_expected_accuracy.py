@@ -89,7 +89,7 @@ def test_payload_prediction_is_what_the_command_payload_says_later(
     plant = Plant(loaded, torque_noise=SIGMA)
     log = ideal(lib, trajectories[0], plant, rng=np.random.default_rng(3))
     arm = ArmModel(pi_true, Friction(()), np.zeros((7, 0)), "the truth", is_exact=True)
-    reported = identify_payload(log, lib, arm=arm)
+    reported = identify_payload(log, lib, arm=arm, gain_error=0.0)
     result = expected(lib, moved.statistics(lib, SIGMA), Knowledge.of(lib), 1.0, FRICTION)
     assert result.payload is not None
     # The noise of 1001 residuals per joint is known to 2 %; the ball as prior counts for nothing.

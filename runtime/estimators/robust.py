@@ -78,18 +78,14 @@ class RowWeights:
         )
 
 
-def require_robust(method: str) -> None:
-    """Refuse a method that takes no weights of rows."""
+def robust_problem(problem: Problem, method: str) -> tuple[Problem, RowWeights]:
+    """The problem with its training rows scaled by √w, for a method that takes such weights."""
     able = [m.name for m in METHODS.records() if m.from_statistics and not m.uses_validation]
     if method not in able:
         raise NeedsError(
             f"the method {method} takes no weights of rows; use --settings robust=true with one of "
             f"{', '.join(able)}"
         )
-
-
-def robust_problem(problem: Problem) -> tuple[Problem, RowWeights]:
-    """The problem with its training rows scaled by √w."""
     train = problem.train
     if problem.pieces is not None:
         raise IdentificationError(

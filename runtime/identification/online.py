@@ -23,7 +23,8 @@ from runtime.identification.expected_accuracy.expected import (
     SECONDS,
     GainOfRecording,
     Knowledge,
-    gained_by_same_motion,
+    expected,
+    gained,
     verdict,
 )
 from runtime.library import Array, Library
@@ -218,7 +219,10 @@ class OnlineEstimator:
         ages = fresh if keep == 1.0 else (1 - keep**fresh) / (1 - keep)
         grown = (keep**fresh * self._count + ages) / self._count
         known = Knowledge(self._prior, self._pi, self._kappa)
-        return gained_by_same_motion(self._lib, self.statistics, known, grown, seconds)
+        lib, statistics = self._lib, self.statistics
+        unit = max(reduce(statistics, lib.n_joints)[0].variance, np.finfo(float).tiny)
+        now, later = (expected(lib, statistics, known, u) for u in (unit, unit / grown))
+        return gained(now.by_name(lib), later.by_name(lib), seconds, "the same motion")
 
     def advice(self, rate_hz: float, seconds: Sequence[float] = SECONDS) -> str:
         """One sentence while recording: values that still improve by 10 %, or "stop".

@@ -216,15 +216,6 @@ def friction_sigma(result: Identification) -> Array | None:
     return None if root is None else np.linalg.norm(root, axis=1).reshape(shape)
 
 
-def friction_covariance(result: Identification) -> Array | None:
-    """Covariance of the coefficients of every joint, (n, k, k); NaN where not determined."""
-    root = friction_root(result)
-    if root is None:
-        return None
-    joints = root.reshape(*result.usual_phi.shape, -1)
-    return np.asarray(joints @ np.swapaxes(joints, 1, 2))
-
-
 def friction_intervals(result: Identification) -> tuple[Any, Any]:
     """`sigma` and `interval_95` of the friction in result.json; None without a posterior."""
     sigma = friction_sigma(result)

@@ -45,6 +45,11 @@ Parts = tuple[Recording, Recording, Recording]
 """Training, validation and test part."""
 WITHOUT_PRIOR = "pc-ols"
 """Method for such a robot where none is named: consistent, and convex from any start."""
+NO_MASSES = (
+    "the URDF states no <inertial>: only base parameters are determined by the data, the masses of "
+    "single links are arbitrary, and errors before identification are meaningless"
+)
+"""Note on the result of such a robot."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -329,14 +334,4 @@ def settings_for(lib: Library, settings: Settings) -> Settings:
         f"the method '{method}' needs an inertial prior, but the URDF of '{lib.name}' states no "
         f"<inertial>; use --method {WITHOUT_PRIOR}, give --prior, or build again with the "
         f"setting masses"
-    )
-
-
-def note_for(lib: Library) -> tuple[str, ...]:
-    """Sentence on what is determined for a robot whose masses are placeholders; else empty."""
-    if not lib.placeholders:
-        return ()
-    return (
-        "the URDF states no <inertial>: only base parameters are determined by the data, the "
-        "masses of single links are arbitrary, and errors before identification are meaningless",
     )

@@ -42,11 +42,11 @@ from runtime.estimators.methods import METHODS, chosen_method, fit_by
 from runtime.estimators.optimizers import Status
 from runtime.estimators.problem import Fit, Problem, best_friction
 from runtime.estimators.regression.samples import Samples, residuals, samples_of
-from runtime.estimators.robust import require_robust, robust_problem
+from runtime.estimators.robust import robust_problem
 from runtime.estimators.uncertainty import Uncertainty, uncertainty_of
 from runtime.identification.identified import Identification, TrainedModel, torque_of
 from runtime.identification.long_logs import assemble_streamed
-from runtime.identification.problem_setup import Assembly, assemble, note_for, settings_for
+from runtime.identification.problem_setup import NO_MASSES, Assembly, assemble, settings_for
 from runtime.identification.settings import Progress, Settings, bare_settings, progress_of
 from runtime.identification.several_logs import NamedLog, assemble_logs
 from runtime.library import Array, Library
@@ -218,7 +218,7 @@ def identify_assembled(
         one_run=assembly.one_run,
         is_joined=assembly.is_joined,
         seed=problem.seed,
-        notes=(*assembly.notes, *fit.notes, *note_for(lib)),
+        notes=(*assembly.notes, *fit.notes, *[NO_MASSES] * bool(lib.placeholders)),
         learned=fit.learned,
         urdf_phi=best_friction(statistics, lib.pi0, fit.phi.shape) if fit.phi.size else None,
     )
@@ -232,10 +232,8 @@ def _weighted(assembly: Assembly, method: str, settings: Settings) -> Assembly:
     """The assembly with weights of its training rows, where the settings request them."""
     if not settings.robust:
         return assembly
-
-    require_robust(method)
     lib, t = assembly.problem.lib, assembly.parts[0].t
-    problem, weights = robust_problem(assembly.problem)
+    problem, weights = robust_problem(assembly.problem, method)
     notes = assembly.notes
     if len(t) == len(weights.weights):
         notes += (weights.note(t, lib.joint_names),)

@@ -35,7 +35,7 @@ from runtime.estimators.problem import FrictionPrior
 from runtime.estimators.regression.samples import NORMAL_95, samples_of
 from runtime.identification.drive.result import places_of
 from runtime.identification.identified import Identification
-from runtime.identification.posterior_file import friction_covariance
+from runtime.identification.posterior_file import friction_root
 from runtime.identification.problem_setup import known_friction
 from runtime.identification.result_record import MirroredPair
 from runtime.identification.settings import Settings
@@ -90,12 +90,14 @@ def mirrored_joints(names: tuple[str, ...], pairs: tuple[str, ...]) -> tuple[tup
 def with_sides(result: Identification, pairs: tuple[str, ...]) -> Identification:
     """The result with its sides compared, and a note per pair that disagrees."""
     places = mirrored_joints(result.lib.joint_names, pairs)
-    covariance = friction_covariance(result)
-    if covariance is None:
+    root = friction_root(result)
+    if root is None:
         raise IdentificationError(
             "the setting symmetric compares drives with their standard deviations, which this "
             "identification does not have; give friction columns, and a method with a posterior"
         )
+    joints = root.reshape(*result.usual_phi.shape, -1)
+    covariance = np.asarray(joints @ np.swapaxes(joints, 1, 2))  # NaN where not determined
     places_of_keys = places_of(result.friction.columns)
     sets = {"armature": ("armature",), "friction": FRICTION}
     kept = {

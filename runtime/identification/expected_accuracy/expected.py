@@ -323,15 +323,6 @@ def _percent(gain: float) -> str:
     return f"{100 * gain:.0f}"
 
 
-def gained_by_same_motion(
-    lib: Library, statistics: Statistics, known: Knowledge, grown: float, seconds: float
-) -> GainOfRecording:
-    """Gain of further samples of the same motion."""
-    unit = max(reduce(statistics, lib.n_joints)[0].variance, np.finfo(float).tiny)
-    now, later = (expected(lib, statistics, known, u).by_name(lib) for u in (unit, unit / grown))
-    return gained(now, later, seconds, "the same motion")
-
-
 @dataclass(frozen=True, slots=True)
 class Growth:
     """Standard deviations over recording time."""

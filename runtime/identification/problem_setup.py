@@ -138,6 +138,29 @@ def assemble(
         parts = first, second, third
     else:
         parts = prepared_parts(recording, shares_of(recording, chosen), usual, prepared, is_joined)
+
+    def of_power(parts: Parts) -> tuple[Recording, Recording]:
+        """Rows of power at the instants of the training and validation parts."""
+        if recording.rows is not None or recording.columns is not None:
+            raise IdentificationError(
+                "expected a recording as read, because rows of energy are computed from the raw "
+                "signals, got one that is already prepared; give the log itself"
+            )
+
+        def power(part: Recording, steps: Preparation) -> Recording:
+            return prepare_power(part, steps, terms, lib=lib)
+
+        if validation is not None:
+            whole = power(recording, usual), power(validation, usual)
+        else:
+            shares = shares_of(recording, chosen)
+            whole = prepared_parts(recording, shares, usual, power, is_joined)[:2]
+        train, unseen = (
+            each.take(np.isin(each.t, part.t), "Took the instants of a part.")
+            for each, part in zip(whole, parts, strict=False)
+        )
+        return train, unseen
+
     assembly = assembled(
         parts,
         lib,
@@ -146,9 +169,7 @@ def assemble(
         usual.regressor,
         progress=progress,
         is_joined=is_joined,
-        of_power=None
-        if usual.regressor != "energy"
-        else lambda parts: _of_power(recording, lib, chosen, terms, parts, is_joined),
+        of_power=of_power if usual.regressor == "energy" else None,
     )
     trained = shares_of(recording, chosen) if is_cut else EVERYTHING
     span = trained.joined() if is_joined else trained.train
@@ -224,37 +245,6 @@ def assembled(
         notes=left_out_note(rounding, lib.joint_names, names),
         is_joined=is_joined,
     )
-
-
-def _of_power(
-    recording: Recording,
-    lib: Library,
-    settings: Settings,
-    terms: Friction,
-    parts: Parts,
-    is_joined: bool,
-) -> tuple[Recording, Recording]:
-    """Rows of power at the instants of the training and validation parts."""
-    if recording.rows is not None or recording.columns is not None:
-        raise IdentificationError(
-            "expected a recording as read, because rows of energy are computed from the raw "
-            "signals, got one that is already prepared; give the log itself"
-        )
-
-    def of_power(part: Recording, preparation: Preparation) -> Recording:
-        return prepare_power(part, preparation, terms, lib=lib)
-
-    usual = settings.preparation or recording.preparation
-    if settings.validation is not None:
-        first, second = of_power(recording, usual), of_power(settings.validation, usual)
-    else:
-        shares = shares_of(recording, settings)
-        first, second, _ = prepared_parts(recording, shares, usual, of_power, is_joined)
-    train, unseen = (
-        whole.take(np.isin(whole.t, part.t), "Took the instants of a part.")
-        for whole, part in zip((first, second), parts, strict=False)
-    )
-    return train, unseen
 
 
 def _prepared(

@@ -80,12 +80,13 @@ def advise(rows: Sequence[MethodRow], n_base: int) -> Advice:
             ),
         )
     take, why = _choice(sound)
+    # Assumptions of the recommended result that the data contradict, as `identify` states them.
+    doubt = "; ".join(ran[take].model_errors)
+    if ran[take].contradictions:
+        doubt = f"do not trust it or its intervals yet: {ran[take].contradictions[0]}"
     sentences = [
         f"take {take}: {why}",
-        # Assumptions of the recommended result that the data contradict, as `identify` states them.
-        f"do not trust it or its intervals yet: {doubts[0]}"
-        if (doubts := ran[take].contradictions)
-        else "; ".join(ran[take].model_errors),
+        doubt,
         _consistency(ran),
         _inconsistent(ran, take),
         _boundary(sound, take),

@@ -27,7 +27,7 @@ from runtime.identification.identified import Identification
 from runtime.identification.metrics import torque_error
 from runtime.identification.payload.body import read_payload_facts
 from runtime.identification.problem_setup import Assembly, FitOfAssembly, Parts, assembled
-from runtime.identification.result_record import LeftOutPart, RepeatabilityPart, SessionsPart
+from runtime.identification.result_record import LeftOutPart, RepeatabilityPart, SessionsPart, plain
 from runtime.identification.settings import (
     SILENT,
     Progress,
@@ -82,6 +82,29 @@ def agreement_of(
     names = tuple(log.name for log in logs)
     bare = [joined([log], [name], [name]) for log, name in zip(prepared, names, strict=True)]
     singles = [fit(each, True) for each in bare]
+
+    def left_out(k: int) -> LeftOutPart:
+        """Errors of the result of all other logs on all rows of one log."""
+        others = [*names[:k], *names[k + 1 :]]
+        result = fit(joined([*prepared[:k], *prepared[k + 1 :]], others, others), False)
+        samples, phi = samples_of(bare[k], lib), result.phi
+        if OFFSET in prepared[k].column_names:
+            phi = replace(result, log_names=tuple(others)).usual_phi
+        tau, alone = samples.tau, singles[k]
+        before = tau + residuals(lib, samples, lib.pi0, np.zeros(0))
+        after = tau + residuals(lib, samples, result.pi, phi)
+        shifted = after - np.mean(after - tau, axis=0)  # its offset is its mean residual
+        single = tau + residuals(lib, samples, alone.pi, alone.phi)
+        errors = [torque_error(tau, each) for each in (before, after, shifted, single)]
+        return LeftOutPart(
+            name=names[k],
+            before_overall=errors[0].overall,
+            after_overall=errors[1].overall,
+            log_offset_overall=errors[2].overall,
+            single_log_overall=errors[3].overall,
+            rms=plain(errors[1].rms),
+        )
+
     masses = np.array([mass(links(single.pi)) for single in singles])
     # The sensors are the same in all logs.
     roots = [each.uncertainty.readings_root for each in singles if each.uncertainty is not None]
@@ -107,17 +130,14 @@ def agreement_of(
             0.0 if log.carried is None else float(mass(links(log.carried)).sum()) for log in logs
         ),
         train_samples=samples,
-        offsets=None if offsets is None else tuple(map(tuple, offsets.tolist())),
+        offsets=plain(offsets),
         delay_s=None,
-        leave_one_out=tuple(
-            _left_out(k, prepared, names, fit, each, lib)
-            for k, each in enumerate(zip(bare, singles, strict=True))
-        ),
+        leave_one_out=tuple(map(left_out, range(len(logs)))),
         repeatability=RepeatabilityPart(
-            masses=tuple(map(tuple, masses.tolist())),
-            mass_spread=tuple(mass_spread.tolist()),
-            beta_spread=tuple(spread.tolist()),
-            beta_sigma_expected=tuple(expected.tolist()),
+            masses=plain(masses),
+            mass_spread=plain(mass_spread),
+            beta_spread=plain(spread),
+            beta_sigma_expected=plain(expected),
             ratio=ratio,
             sentence=f"{shared}: logs with common rows do not show whether results repeat"
             if shared
@@ -126,38 +146,6 @@ def agreement_of(
         ),
     )
     return part, (f"{shared}; give each log once",) if shared else ()
-
-
-def _left_out(
-    index: int,
-    logs: Sequence[Recording],
-    names: Sequence[str],
-    fit: Callable[[Recording, bool], Identification],
-    alone: tuple[Recording, Identification],
-    lib: Library,
-) -> LeftOutPart:
-    """Errors of the result of all other logs on all rows of one log."""
-    other_names = [each for each in names if each != names[index]]
-    rest = [log for k, log in enumerate(logs) if k != index]
-    others = fit(joined(rest, other_names, other_names), False)
-    samples = samples_of(alone[0], lib)
-    phi = others.phi
-    if OFFSET in logs[index].column_names:
-        phi = replace(others, log_names=tuple(other_names)).usual_phi
-    tau = samples.tau
-    before = tau + residuals(lib, samples, lib.pi0, np.zeros(0))
-    after = tau + residuals(lib, samples, others.pi, phi)
-    shifted = after - np.mean(after - tau, axis=0)  # the offset of this log is its mean residual
-    single = tau + residuals(lib, samples, alone[1].pi, alone[1].phi)
-    errors = [torque_error(tau, each) for each in (before, after, shifted, single)]
-    return LeftOutPart(
-        name=names[index],
-        before_overall=errors[0].overall,
-        after_overall=errors[1].overall,
-        log_offset_overall=errors[2].overall,
-        single_log_overall=errors[3].overall,
-        rms=tuple(errors[1].rms.tolist()),
-    )
 
 
 def joined(parts: Sequence[Recording], names: Sequence[str], all_names: Sequence[str]) -> Recording:

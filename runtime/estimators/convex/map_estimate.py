@@ -14,16 +14,16 @@ from runtime.common.tables import significant
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.compiled import solve
 from runtime.estimators.convex.constraints import Constraints, constrained
-from runtime.estimators.convex.entropic_prior import CAD, Prior
+from runtime.estimators.convex.entropic_prior import CAD
 from runtime.estimators.convex.newton import Minimum, convex_problem
-from runtime.estimators.friction_bounds import Bounds, Held, bounds_of, notes_of, within_bounds
+from runtime.estimators.friction_bounds import Held, bounds_of, notes_of, within_bounds
 from runtime.estimators.methods import Method
 from runtime.estimators.prior_file import PriorFile, prior_about
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of
 from runtime.estimators.regression.factor import Statistics, compress, reduce
 from runtime.estimators.regression.samples import inflation, noise, residuals, weights_from
-from runtime.library import Array, Library
+from runtime.library import Array
 
 PASSES = 3
 """Re-estimations of the weights."""
@@ -56,25 +56,37 @@ def fit_map(
     floor = problem.noise_floor
     # Rows over their noise have the variance one; residuals of too few rows are far below it.
     least = LEAST_VARIANCE if floor is None else 1.0
+
+    def solved(
+        rows: Statistics, ratio: float = 1.0, limits: Constraints | None = None
+    ) -> tuple[Array, tuple[Minimum, tuple[str, ...]], Held]:
+        """φ within its bounds, minimum and notes by rows over their noise, with N / N_eff."""
+
+        def unbounded(part: Statistics) -> tuple[Array, Array, tuple[Minimum, tuple[str, ...]]]:
+            data, eliminated = reduce(part, train.equations)
+            gamma = kappa * max(data.variance, least) * ratio / data.count
+            notes: tuple[str, ...] = ()
+            if limits is None:
+                minimum = solve(lib, convex_problem(data, prior, gamma))
+            else:
+                minimum, notes = constrained(limits, data, prior, gamma)
+            return eliminated.phi(minimum.pi), lib.base_matrix @ minimum.pi, (minimum, notes)
+
+        if problem.friction_prior is not None:
+            variance = max(reduce(rows, train.equations)[0].variance, least) * ratio
+            rows = rows.merged(problem.friction_prior.statistics(rows, variance))
+        return within_bounds(rows, bounds, unbounded)
+
     # Weights from the residuals of a thinned log, then of all samples.
     for _ in range(PASSES):
-        phi, (minimum, _), _ = _solved(
-            lib,
-            _primed(problem, compress(lib, few, weights), least),
-            bounds,
-            weights,
-            prior,
-            kappa,
-            least,
-        )
+        phi, (minimum, _), _ = solved(compress(lib, few, weights))
         rest = residuals(lib, few, minimum.pi, phi)
         sigma = noise(rest, lib, phi.size)
         if floor is not None:
             sigma = np.maximum(sigma, floor.sigma)
         weights = weights_from(sigma, few.tau)
     statistics = problem.statistics(weights)
-    primed = _primed(problem, statistics, least)
-    phi, (minimum, _), _ = _solved(lib, primed, bounds, weights, prior, kappa, least)
+    phi, (minimum, _), _ = solved(statistics)
     # The autocorrelation of the residuals sets γ = κ s²/N_eff of the last pass.
     ratio = inflation(residuals(lib, train, minimum.pi, phi), weights)
     coloured = coloured_noise_of(lib, [train], statistics, weights)
@@ -83,10 +95,7 @@ def fit_map(
         coloured = ColouredNoise(max(coloured.density, ratio), max(coloured.variance, 1.0))
     if centre is not None:  # the trust in a type is relative to all of the noise
         ratio = max(ratio, coloured.inflation)
-    primed = _primed(problem, statistics, least, ratio)
-    phi, (minimum, notes), held = _solved(
-        lib, primed, bounds, weights, prior, kappa, least, ratio, constraints
-    )
+    phi, (minimum, notes), held = solved(statistics, ratio, constraints)
     notes += notes_of(held, bounds, lib.joint_names, problem.friction_names)
     return Fit(
         pi=minimum.pi,
@@ -117,47 +126,6 @@ def fit_with_prior(problem: Problem, prior: PriorFile | None = None) -> Fit:
         f"{significant(100 / np.sqrt(kappa))} %"
     )
     return replace(fit, notes=(note, *fit.notes))
-
-
-def _solved(
-    lib: Library,
-    statistics: Statistics,
-    bounds: Bounds,
-    weights: Array,
-    prior: Prior,
-    kappa: float,
-    least: float,
-    inflation: float = 1.0,
-    constraints: Constraints | None = None,
-) -> tuple[Array, tuple[Minimum, tuple[str, ...]], Held]:
-    """φ within its bounds, minimum and notes for one set of weights (m,), with N / N_eff.
-
-    The variance of the weighted residuals counts as `least` or more.
-    """
-
-    def solved(part: Statistics) -> tuple[Array, Array, tuple[Minimum, tuple[str, ...]]]:
-        data, eliminated = reduce(part, len(weights))
-        gamma = kappa * max(data.variance, least) * inflation / data.count
-        notes: tuple[str, ...] = ()
-        if constraints is None:
-            minimum = solve(lib, convex_problem(data, prior, gamma))
-        else:
-            minimum, notes = constrained(constraints, data, prior, gamma)
-        return eliminated.phi(minimum.pi), lib.base_matrix @ minimum.pi, (minimum, notes)
-
-    return within_bounds(statistics, bounds, solved)
-
-
-def _primed(
-    problem: Problem, statistics: Statistics, least: float, inflation: float = 1.0
-) -> Statistics:
-    """The statistics with the prior of the friction coefficients, where the problem has one."""
-    known = problem.friction_prior
-    if known is None:
-        return statistics
-    data, _ = reduce(statistics, problem.train.equations)
-    noise = max(data.variance, least) * inflation
-    return statistics.merged(known.statistics(statistics, noise))
 
 
 MAP = Method(

@@ -277,30 +277,15 @@ def write_comparison(
     notes: tuple[str, ...] = (),
 ) -> dict[str, Any]:
     """Write compare.json and compare.md."""
-    lib = comparison.assembly.problem.lib
-    advice = advise(comparison.rows, len(lib.base_columns))
-    facts = _facts(comparison, advice, command, options, notes)
-    write_json(folder / "compare.json", facts)
-    with replacing(folder / "compare.md") as file:
-        file.write(_markdown(facts).encode())
-    return facts
-
-
-def _facts(
-    comparison: Comparison,
-    advice: Advice,
-    command: str,
-    options: Mapping[str, Any],
-    notes: tuple[str, ...],
-) -> dict[str, Any]:
     assembly, truth = comparison.assembly, comparison.truth
     lib = assembly.problem.lib
+    advice = advise(comparison.rows, len(lib.base_columns))
     parts = {name: _extent(assembly.recordings(name)) for name in PARTS}
     train = assembly.parts[0]
     one_run = (
         "training and test are parts of one run, which underestimates the error of every method",
     )
-    return {
+    facts = {
         "format": FORMAT,
         "robot": lib.name,
         "joints": list(lib.joint_names),
@@ -327,6 +312,10 @@ def _facts(
             "seed": assembly.problem.seed,
         },
     }
+    write_json(folder / "compare.json", facts)
+    with replacing(folder / "compare.md") as file:
+        file.write(_markdown(facts).encode())
+    return facts
 
 
 def _extent(pieces: Iterable[Recording]) -> tuple[int, float, float]:

@@ -138,7 +138,9 @@ def expected(
     root = spread.root if known.error is None else np.column_stack([spread.root, known.error])
     base_map = np.linalg.norm(lib.base_matrix @ root, axis=1)
     com = com_sigma(root, known.pi)
-    payload = None if columns is None else _payload(lib, statistics, known, unit, columns)
+    payload, payload_com, of_arm = (None,) * 3
+    if columns is not None:
+        payload, payload_com, of_arm = _payload(lib, statistics, known, unit, columns)
     return Expected(
         base=None if base is None else np.sqrt(np.diag(base)),
         base_map=base_map,
@@ -147,37 +149,31 @@ def expected(
         share=spread.share,
         com=np.array([each for each in com if each is not None]),
         root=root,
-        payload=None if payload is None else np.sqrt(np.diag(payload)),
-        payload_com=None if payload is None else payload_sigma(payload)[1],
-        payload_of_arm=None if payload is None else _arm_error(lib, statistics, known, columns),
+        payload=payload,
+        payload_com=payload_com,
+        payload_of_arm=of_arm,
     )
 
 
 def _payload(
     lib: Library, statistics: Statistics, known: Knowledge, unit: float, columns: tuple[str, ...]
-) -> Array | None:
-    """Covariance of the ten parameters of the last link, with known friction and free offsets."""
-    earlier = known.earlier if known.payload_only else None
-    free = _with_offsets(lib, statistics, columns)
+) -> tuple[Array | None, Array | None, Array | None]:
+    """σ of the last link as a payload, of its centre, and by an arm that is `ARM_ERROR` off.
+
+    Friction but for the offsets is known; None where the ten parameters are not determined.
+    """
+    frozen = np.array([name != OFFSET.name for name in columns] * lib.n_joints, dtype=bool)
+    free, earlier = statistics.without(frozen), known.earlier if known.payload_only else None
     rows = _rows(lib, free, earlier, unit)[:, -N_PARAMETERS:]
-    return covariance(rows.T @ rows)
-
-
-def _arm_error(
-    lib: Library, statistics: Statistics, known: Knowledge, columns: tuple[str, ...] | None
-) -> Array:
-    """σ of a payload, (10,), that an arm with links `ARM_ERROR` off causes: G = A_k⁺ A of its π."""
-    rows = _rows(lib, _with_offsets(lib, statistics, columns or ()), None, 1.0)
-    gain = np.linalg.lstsq(rows[:, -N_PARAMETERS:], rows, rcond=None)[0]
+    spread = covariance(rows.T @ rows)
+    if spread is None:
+        return None, None, None
+    whole = _rows(lib, free, None, 1.0)
+    gain = np.linalg.lstsq(whole[:, -N_PARAMETERS:], whole, rcond=None)[0]  # G = A_k⁺ A
     # The root of the prior's spread at κ = 1 stands for 100 % of every direction.
     arm = ARM_ERROR * block_diag(*known.prior.bodies.spread(known.prior.centre))
-    return np.asarray(np.linalg.norm(gain @ arm, axis=1))
-
-
-def _with_offsets(lib: Library, statistics: Statistics, columns: tuple[str, ...]) -> Statistics:
-    """The same without friction columns except the offsets."""
-    frozen = np.array([name != OFFSET.name for name in columns] * lib.n_joints, dtype=bool)
-    return statistics.without(frozen)
+    of_arm = np.linalg.norm(gain @ arm, axis=1)
+    return np.sqrt(np.diag(spread)), payload_sigma(spread)[1], of_arm
 
 
 def _rows(lib: Library, statistics: Statistics, earlier: Array | None, unit: float) -> Array:

@@ -138,9 +138,8 @@ def identify(
     data = [replace(log, preparation=delayed(log, chosen)) for log in data]
     delays = list[DriveFit]()
     if not is_together:
-        data, delays = without_drives(names, data, lib, chosen, shown)
-        where = "" if several else f", from the first {len(data[0].recording)} rows"
-        notes += drive_notes(names, delays, chosen, where)
+        data, delays, of_delays = without_drives(names, data, lib, chosen, shown)
+        notes += of_delays
     first = data[0]
     source: FittedSource = first.streamed or first.recording
     if several:
@@ -331,22 +330,27 @@ def without_drives(
     lib: Library,
     settings: Settings,
     progress: Progress = SILENT,
-) -> tuple[list[PreparedLog], list[DriveFit]]:
-    """The logs without the delays of their torques and the biases of their encoders, and both.
+) -> tuple[list[PreparedLog], list[DriveFit], list[str]]:
+    """The logs without the delays of their torques and the biases of their encoders; both; notes.
 
     What is unknown is estimated from every log alone, with the friction model of the first.
     """
     delay, has_bias = settings.delay, bool(settings.encoder_bias)
     request = DriveRequest(delay in {AUTO, PER_JOINT}, delay == PER_JOINT, has_bias)
     if not (request.delay or request.bias):
-        return data, []
-    estimated: list[DriveFit] = []
+        return data, [], []
+    estimated, notes = list[DriveFit](), list[str]()
+    where = "" if len(data) > 1 else f", from the first {len(data[0].recording)} rows"
     for name, each in zip(names, data, strict=True):
         bare = each.settings(settings, each.preparation)
         alone = replace(bare, friction=data[0].friction, refit=False, certify=False)
         progress.step(f"estimating the delay of {name}")
         drive = identify_drive(each.recording, lib, alone, request).drive
         estimated.append(drive or DriveFit.unknown(lib.n_joints))
+        if request.delay:
+            notes.append(f"{name}: {estimated[-1].sentence}{where}")
+    if request.bias and not np.isfinite([each.bias for each in estimated]).all():
+        notes.append(NO_BIAS)
     bias, corrected = DriveFit.of_all(estimated).bias, list[PreparedLog]()
     has_bias = bool(np.isfinite(bias).all())
     for each, fit in zip(data, estimated, strict=True):
@@ -359,24 +363,4 @@ def without_drives(
         elif has_bias:
             log = replace(log, recording=recording.replace(q=recording.q + bias))
         corrected.append(log)
-    return corrected, estimated
-
-
-def drive_notes(
-    names: Sequence[str], estimated: Sequence[DriveFit], settings: Settings, where: str = ""
-) -> list[str]:
-    """One sentence per log on its delay, and one on encoder biases that were not estimated."""
-    notes = []
-    is_sought = settings.delay in {AUTO, PER_JOINT}
-    for name, each in zip(names, estimated, strict=True) if is_sought else ():
-        value, sigma = 1e3 * each.delay, 1e3 * each.delay_sigma
-        if not value.size:
-            note = "the log does not determine a delay, and none was taken; record a faster motion"
-        elif len(value) > 1:
-            note = f"delays of the torques of the joints {', '.join(f'{x:.1f}' for x in value)} ms"
-        else:
-            note = f"delay of the torque {value[0]:.2f} ± {sigma[0]:.2g} ms"
-        notes.append(f"{name}: {note}{where}")
-    if settings.encoder_bias and not np.isfinite([each.bias for each in estimated]).all():
-        notes.append(NO_BIAS)
-    return notes
+    return corrected, estimated, notes

@@ -67,6 +67,16 @@ class DriveFit:
         first = logs[0] if len(logs) == 1 else cls.unknown(len(mean))
         return cls(first.delay, first.delay_sigma, mean, precision**-0.5)
 
+    @property
+    def sentence(self) -> str:
+        """The delay in words."""
+        value, sigma = 1e3 * self.delay, 1e3 * self.delay_sigma
+        if not value.size:
+            return "the log does not determine a delay, and none was taken; record a faster motion"
+        if len(value) > 1:
+            return f"delays of the torques of the joints {', '.join(f'{x:.1f}' for x in value)} ms"
+        return f"delay of the torque {value[0]:.2f} ± {sigma[0]:.2g} ms"
+
     def verdicts(self) -> tuple[str, ...]:
         """Per joint: whether gravity and motion determine the encoder bias."""
         return tuple(

@@ -151,11 +151,6 @@ class Blocks:
                 count += int(rows)
         return count
 
-    def _ratio(self) -> int:
-        """Rows of the log per prepared row."""
-        rate = self.preparation.rate_hz
-        return 1 if rate is None else max(1, round(0.5 / self.half_step / rate))
-
 
 _ARRAYS = ("t", *ARRAYS)
 
@@ -219,16 +214,16 @@ def blocks_of(
 ) -> Blocks:
     """Divide rows of a log into blocks whose size is a whole number of prepared rows."""
     rate = head_of(log).rate_hz if rate_hz is None else rate_hz
-    blocks = Blocks(log, lib, preparation, terms, 0, (), np.zeros(0), 0.5 / rate, Spool(log.name))
-    ratio = blocks._ratio()
-    overlap = _rounded(int(np.ceil(_reach_of_edge(preparation) * rate)) + 8, ratio)
-    size = _rounded(max(BLOCK, 4 * overlap), ratio)
+    # Rows of the log per prepared row; overlap and size are the next multiples of it.
+    ratio = max(1, round(rate / (preparation.rate_hz or rate)))
+    overlap = ratio * -(-(int(np.ceil(_reach_of_edge(preparation) * rate)) + 8) // ratio)
+    size = ratio * -(-max(BLOCK, 4 * overlap) // ratio)
     first, stop = rows or (0, log.rows)
-    starts = range(first, stop, size)
-    ends = np.array(between) + blocks.half_step
+    starts, half_step = range(first, stop, size), 0.5 / rate
+    ends = np.array(between) + half_step
     instants = np.concatenate([ends[:1], log.instants(starts[1:], REACH), ends[1:]])
-    edges = (*starts, stop)
-    return replace(blocks, overlap=overlap, edges=edges, instants=instants)
+    parts = overlap, (*starts, stop), instants, half_step, Spool(log.name)
+    return Blocks(log, lib, preparation, terms, *parts)
 
 
 def _reach_of_edge(preparation: Preparation) -> float:
@@ -241,11 +236,6 @@ def _reach_of_edge(preparation: Preparation) -> float:
     if preparation.window_s is not None and preparation.filter != "none":
         return seconds + 2 * preparation.window_s
     return seconds
-
-
-def _rounded(rows: int, ratio: int) -> int:
-    """Smallest multiple of `ratio` that is not below `rows`."""
-    return -(-rows // ratio) * ratio
 
 
 WINDOWS, LENGTH = 24, 4096

@@ -62,19 +62,6 @@ class OnlineEstimate:
     status: str
 
 
-def status_of(steps: int, converged: bool, rejected: int) -> str:
-    """Status of an estimate: the reason why its computation ended."""
-    if converged:
-        status = f"converged after {steps} Newton steps"
-    elif steps:
-        status = "not converged; check units and outliers of the torque"
-    else:
-        status = "too few samples, or no torque yet: this is the first guess"
-    if rejected:
-        status += f"; {rejected} samples were not finite and were left out"
-    return status
-
-
 class OnlineEstimator:
     """RᵀR ← ϑ RᵀR + [F Y_b τ]ᵀ W [F Y_b τ] with every sample; the model after every few.
 
@@ -257,7 +244,14 @@ class OnlineEstimator:
     def _estimate_of(
         self, phi: Array, variance: float, steps: int, converged: bool
     ) -> OnlineEstimate:
-        status = status_of(steps, converged, self._rejected)
+        if converged:
+            status = f"converged after {steps} Newton steps"
+        elif steps:
+            status = "not converged; check units and outliers of the torque"
+        else:
+            status = "too few samples, or no torque yet: this is the first guess"
+        if self._rejected:
+            status += f"; {self._rejected} samples were not finite and were left out"
         return OnlineEstimate(
             self._pi.copy(), phi, self._count, self._rejected, variance, steps, converged, status
         )

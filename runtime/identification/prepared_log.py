@@ -120,7 +120,7 @@ def prepared_log(
     if recording.columns is not None:
         return PreparedLog(recording, prepared, settings.split, terms, notes, streamed)
     steps = prepared, parts
-    if terms is not None and _is_chosen(terms):
+    if terms is not None and terms.columns[:1] == (AUTO,):
         progress.step("choosing a friction model")
         further = without_torque_columns(replace(terms, columns=terms.columns[1:]))
         names = [
@@ -151,11 +151,6 @@ def prepared_log(
     return PreparedLog(recording, prepared, settings.split, terms, notes, streamed)
 
 
-def _is_chosen(terms: Friction) -> bool:
-    """Whether a friction model is to be chosen among all."""
-    return terms.columns[:1] == (AUTO,)
-
-
 def chosen_filter(
     recording: Recording,
     lib: Library,
@@ -180,7 +175,8 @@ def chosen_filter(
     if not (is_free or is_noisy):
         return prepared, (), quality
     progress.step("choosing a cut-off")
-    known = None if terms is None or _is_chosen(terms) else without_torque_columns(terms)
+    is_named = terms is not None and terms.columns[:1] != (AUTO,)
+    known = without_torque_columns(terms) if terms is not None and is_named else None
     wanted = prepared if is_free else preparation_of(recording, _ANY_HZ, None)
     try:
         choice = choose_cutoff(recording, lib, wanted, settings.split, known)

@@ -126,7 +126,9 @@ def assemble(
     is_joined = is_joined and chosen.validation is None
 
     def prepared(part: Recording, steps: Preparation | None) -> Recording:
-        return _prepared(part, steps, terms, lib)
+        if part.columns is not None:
+            return prepare(part, steps)
+        return prepare(independent_joints(part, lib), steps, terms, lib=lib)
 
     validation, test = chosen.validation, chosen.test
     if (validation is None) != (test is None):
@@ -178,7 +180,7 @@ def assemble(
     origin = Origin(
         recording,
         terms,
-        _aligned(first, span, lib, preparation, terms, rounding),
+        _aligned(first, span, lib, usual, prepared, rounding),
         (first.t[0], first.t[-1]),
         chosen.inputs or {},
     )
@@ -247,20 +249,12 @@ def assembled(
     )
 
 
-def _prepared(
-    recording: Recording, preparation: Preparation | None, terms: Friction, lib: Library
-) -> Recording:
-    if recording.columns is not None:
-        return prepare(recording, preparation)
-    return prepare(independent_joints(recording, lib), preparation, terms, lib=lib)
-
-
 def _aligned(
     part: Recording,
     share: tuple[float, float],
     lib: Library,
-    preparation: Preparation | None,
-    terms: Friction,
+    steps: Preparation,
+    prepared: Callable[[Recording, Preparation], Recording],
     rounding: NDArray[np.bool_],
 ) -> Callable[[Recording], Samples]:
     """Map from another recording of the same clock to its samples at the rows of `part`.
@@ -268,12 +262,11 @@ def _aligned(
     The rows of the other recording in the share of the training part pass the same preparation; the
     values are interpolated at part.t.
     """
-    usual = preparation or part.preparation
-    usual = replace(usual, rest_speed=None)
+    usual = replace(steps, rest_speed=None)
 
     def rows(other: Recording) -> Samples:
         seen = other.take(rows_between(other.t, *share), "Took the rows of the training part.")
-        done = without_columns(_prepared(seen, usual, terms, lib), rounding)
+        done = without_columns(prepared(seen, usual), rounding)
 
         def at(values: Array) -> Array:
             flat = values.reshape(len(done), -1).T

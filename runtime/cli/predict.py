@@ -45,7 +45,7 @@ from runtime.identification.expected_accuracy.expected import (
     gain_slopes,
     gained,
     growth,
-    torque_of_gains,
+    unseen_torque,
     verdict,
 )
 from runtime.identification.expected_accuracy.planned_samples import (
@@ -294,9 +294,10 @@ def _unseen(situation: Situation, now: Expected, gain_error: float) -> tuple[Arr
     """σ of the torque of motions never seen, per joint, without and with errors of the gains."""
     lib, s = situation.lib, situation
     unseen = unseen_joints(lib, lib.home)
-    torque = now.torque(lib, unseen)
+    torque = unseen_torque(lib.base_matrix @ now.root, unseen)
     slopes = gain_slopes(lib, s.moved, s.noise, s.known, s.unit)
-    return torque, np.hypot(torque, torque_of_gains(lib, slopes, gain_error, unseen))
+    by_gains = unseen_torque(gain_error * (lib.base_matrix @ slopes), unseen)
+    return torque, np.hypot(torque, by_gains)
 
 
 def _gain_error(given: float | None, payload_only: bool) -> float:

@@ -89,16 +89,6 @@ class Expected:
     # `ARM_ERROR` off, (10,) SI; None as for `payload`
     payload_of_arm: Array | None
 
-    def torque(self, lib: Library, unseen: Array) -> Array:
-        """RMS torque error of the MAP model over other motions.
-
-        unseen (n, n_b, n_b) mean of Y_bᵀ Y_b per joint over these motions, of
-        `runtime.excitation.search.criteria.unseen_joints` → (n,) expected error per joint
-        [N·m, N].
-        """
-        over_base = lib.base_matrix @ self.root
-        return np.sqrt([np.sum(over_base * (joint @ over_base)) for joint in unseen])
-
     def by_name(self, lib: Library, payload_only: bool = False) -> dict[str, float]:
         """Standard deviations with names: payload, links, base parameters."""
         named = {}
@@ -243,14 +233,13 @@ def gain_slopes(
     return np.asarray(root @ (root.T @ pulls))
 
 
-def torque_of_gains(lib: Library, slopes: Array, gain_error: float, unseen: Array) -> Array:
-    """RMS error of the torque of other motions by the gains.
+def unseen_torque(over_base: Array, unseen: Array) -> Array:
+    """RMS torque error of other motions by errors of β, (n_b, m): (n,) [N·m, N].
 
-    slopes (10 n, n), unseen (n, n_b, n_b) mean of Y_bᵀ Y_b per joint over these motions, of
-    `runtime.excitation.search.criteria.unseen_joints` → (n,) N·m or N.
+    unseen (n, n_b, n_b) is the mean of Y_bᵀ Y_b per joint over these motions, of
+    `runtime.excitation.search.criteria.unseen_joints`.
     """
-    change = gain_error * (lib.base_matrix @ slopes)
-    return np.sqrt([np.sum(change * (joint @ change)) for joint in unseen])
+    return np.sqrt([np.sum(over_base * (joint @ over_base)) for joint in unseen])
 
 
 WORTHWHILE = 0.10

@@ -10,11 +10,7 @@ from runtime import write_recording
 from runtime.excitation import Trajectory
 from runtime.excitation.search.criteria import unseen_joints
 from runtime.excitation.trajectory_file import write_motion
-from runtime.identification.expected_accuracy.expected import (
-    Knowledge,
-    gain_slopes,
-    torque_of_gains,
-)
+from runtime.identification.expected_accuracy.expected import Knowledge, gain_slopes, unseen_torque
 from runtime.identification.expected_accuracy.planned_samples import (
     MotionSamples,
     motion_samples_of,
@@ -66,7 +62,7 @@ def test_a_common_gain_scales_the_model(double: Library, swung: MotionSamples) -
     assert common == pytest.approx(beta, abs=1e-5 * np.abs(beta).max())  # as above
     unseen = unseen_joints(double, double.home)
     scaled = np.sqrt([(0.01 * beta) @ joint @ (0.01 * beta) for joint in unseen])
-    one = torque_of_gains(double, slopes.sum(axis=1, keepdims=True), 0.01, unseen)
+    one = unseen_torque(0.01 * double.base_matrix @ slopes.sum(axis=1, keepdims=True), unseen)
     assert one == pytest.approx(scaled, rel=1e-4)
 
 

@@ -167,31 +167,23 @@ def choose_friction(
         whole = samples_of(done, lib)
         return [whole.rows(slice(int(c[0]), int(c[-1]) + 1)) for c in cuts if c.size]
 
-    trial = _Trial(lib, blocks)
-    terms = _with_widths(trial, names, coulomb_speed, extra)
-    first = {name: float(trial.score(each)[0].mean()) for name, each in terms.items()}
-    trial.weigh_by(terms[min(first, key=lambda name: first[name])])
-    return _chosen([(name, each, *trial.score(each)) for name, each in terms.items()])
-
-
-def _with_widths(
-    trial: "_Trial", names: Sequence[str], coulomb_speed: float | None, extra: tuple[str, ...]
-) -> dict[str, Friction]:
-    """Every candidate with its best widths; ε starts from that of the candidate "coulomb"."""
-    free, dry = coulomb_speed is None, _BASE[-1]
+    # Every candidate with its best widths; ε starts from that of the candidate "coulomb".
+    trial, free, dry = _Trial(lib, blocks), coulomb_speed is None, _BASE[-1]
     start = Friction((*_BASE, *extra), *(() if free else (coulomb_speed,)))
     if free and any(dry in FRICTION_MODELS[name] for name in names):
         start = trial.best_width(start, dry)
-    terms_of = {}
+    models = {}
     for name in names:
-        terms = replace(start, columns=(*FRICTION_MODELS[name], *extra))
+        model = replace(start, columns=(*FRICTION_MODELS[name], *extra))
         if name in WIDTHS and name != dry:
-            terms = trial.best_width(terms, name)
+            model = trial.best_width(model, name)
         if free and len(FRICTION_MODELS[name]) > len(_BASE):
-            terms = trial.best_width(terms, dry, near=True)
-            terms = trial.best_width(terms, name, near=True) if name in WIDTHS else terms
-        terms_of[name] = terms
-    return terms_of
+            model = trial.best_width(model, dry, near=True)
+            model = trial.best_width(model, name, near=True) if name in WIDTHS else model
+        models[name] = model
+    first = {name: float(trial.score(each)[0].mean()) for name, each in models.items()}
+    trial.weigh_by(models[min(first, key=lambda name: first[name])])
+    return _chosen([(name, each, *trial.score(each)) for name, each in models.items()])
 
 
 def _chosen(trials: list[tuple[str, Friction, Array, float, int]]) -> FrictionChoice:

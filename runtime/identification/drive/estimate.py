@@ -175,7 +175,17 @@ def identify_drive(
     progress: Progress = SILENT,
 ) -> Identification:
     """Identify a robot together with the delay of its torque and its encoder biases."""
-    _require(settings, recording)
+    method = chosen_method(settings.method, settings.preset, settings.prior)
+    if method != "map":
+        raise IdentificationError(
+            f"a delay or an encoder bias is estimated with the method map, got {method}; leave out "
+            "--method, or give the delay in the recipe (torque_delay_s under [preparation])"
+        )
+    if settings.test is not None or recording.columns is not None:
+        raise IdentificationError(
+            "a delay or an encoder bias is estimated from one log as read, got prepared or "
+            "separate recordings; give the log itself"
+        )
     recording = independent_joints(recording, lib)
     # Delay, biases and intervals belong to the rows of the training: no second fit to all rows.
     settings = replace(settings, refit=False)
@@ -254,17 +264,3 @@ def _certified(problem: DriveProblem, x: Array) -> Identification:
         phi = step.phi_moved - system.slope @ step.pi_moved
         uncertainty = uncertainty.beside(problem.lib, step.pi_moved, phi)
     return replace(result, drive=drive, uncertainty=uncertainty)
-
-
-def _require(settings: Settings, recording: Recording) -> None:
-    method = chosen_method(settings.method, settings.preset, settings.prior)
-    if method != "map":
-        raise IdentificationError(
-            f"a delay or an encoder bias is estimated with the method map, got {method}; leave out "
-            "--method, or give the delay in the recipe (torque_delay_s under [preparation])"
-        )
-    if settings.test is not None or recording.columns is not None:
-        raise IdentificationError(
-            "a delay or an encoder bias is estimated from one log as read, got prepared or "
-            "separate recordings; give the log itself"
-        )

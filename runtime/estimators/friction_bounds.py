@@ -75,9 +75,7 @@ class Held:
 def bounds_of(problem: Problem, is_passive: bool) -> Bounds:
     """Bounds of the friction coefficients of a problem."""
     train = problem.train
-    columns = np.sqrt(np.mean(np.square(train.columns), axis=0))  # (n, k)
-    if train.coupling is not None:
-        columns = train.coupling.sizes(columns)
+    columns = train.column_sizes()
     torque = np.sqrt(np.mean(np.square(train.tau), axis=0))
     # A motor drives several joints, and rows of power belong to no joint.
     shared = train.coupling is not None or train.equations < len(columns)

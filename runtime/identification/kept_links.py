@@ -93,9 +93,7 @@ def identify_friction(
 def _fitted(problem: Problem, saved: SavedResult) -> tuple[Fit, Array]:
     """Friction of some rows with the noise of its own residuals, and σ of its coefficients."""
     lib, rows, shape = problem.lib, problem.train, saved.phi.shape
-    sizes = np.sqrt(np.mean(np.square(rows.columns), axis=0))
-    if rows.coupling is not None:
-        sizes = rows.coupling.sizes(sizes)
+    sizes = rows.column_sizes()
     rms = np.sqrt(np.mean(np.square(rows.tau), axis=0))
     least = np.divide(LEAST_SHARE * rms[:, None], sizes, out=np.zeros(shape), where=sizes > 0)
     # A column without values, as of a joint at rest, keeps its coefficient by its bounds.

@@ -256,9 +256,7 @@ class TorqueObjective:
 def friction_unit(samples: Samples) -> Array:
     """Units of φ, (n, k): RMS torque of the joint over RMS of the column, 1 for a zero column."""
     torque = np.sqrt(np.mean(samples.tau**2, axis=0) + THESIS_SIGMA**2)
-    rms = np.sqrt(np.mean(samples.columns**2, axis=0))
-    if samples.coupling is not None:
-        rms = samples.coupling.sizes(rms)
+    rms = samples.column_sizes()
     return torque[:, None] / np.where(rms > 0, rms, 1.0)
 
 

@@ -146,6 +146,11 @@ class Samples:
         torque = friction_torque(self.columns, phi, self.coupling)
         return torque.sum(axis=1, keepdims=True) if self._is_power else torque
 
+    def column_sizes(self) -> Array:
+        """RMS of the friction columns by coefficient, (n, k)."""
+        sizes = np.sqrt(np.mean(np.square(self.columns), axis=0))
+        return sizes if self.coupling is None else self.coupling.sizes(sizes)
+
     def friction_rows(self) -> Array:
         """Friction columns as rows F over [φ], (N, m, n k)."""
         rows = spread(self.columns, self.coupling)

@@ -23,7 +23,7 @@ from runtime.identification.expected_accuracy.expected import (
     Knowledge,
     expected,
     gain_slopes,
-    torque_of_gains,
+    unseen_torque,
 )
 from runtime.identification.expected_accuracy.planned_samples import (
     MotionSamples,
@@ -156,7 +156,7 @@ def expected_error_of(
     known = replace(Knowledge.of(lib), pi=noise.pi, error=noise.error)
     stated = _expected_error(lib, moved, noise.sigma, joints, known, noise.inflation)
     slopes = gain_slopes(lib, moved, noise.sigma, known, noise.inflation)
-    gains = np.linalg.norm(torque_of_gains(lib, slopes, gain_error, joints))
+    gains = np.linalg.norm(unseen_torque(gain_error * (lib.base_matrix @ slopes), joints))
     return stated, float(np.hypot(stated, gains))
 
 
@@ -179,7 +179,7 @@ def _expected_error(
 ) -> float:
     statistics = moved.statistics(lib, sigma)
     sigmas = expected(lib, statistics, known or Knowledge.of(lib), unit, moved.columns)
-    return float(np.linalg.norm(sigmas.torque(lib, joints)))
+    return float(np.linalg.norm(unseen_torque(lib.base_matrix @ sigmas.root, joints)))
 
 
 def _rms(values: list[float]) -> float:

@@ -1,6 +1,7 @@
 """What a method trains on: the validation part too where nothing is tuned by it, or all rows."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -43,6 +44,14 @@ def test_a_validation_recording_stays_apart(lib, ideal_runs):
     result = identify_recording(train, lib, validation=validation, test=test, certify=False)
     assert len(result.train) == len(train)
     assert not result.is_joined
+
+
+def test_a_test_recording_of_the_same_clock_tests(lib, noisy):
+    """Property: a log of the same times is another log where its torque is another."""
+    other = replace(noisy, tau=noisy.tau + 0.01)
+    settings = {"friction": Friction(), "certify": False}
+    assert identify_recording(noisy, lib, validation=other, test=other, **settings).has_test
+    assert not identify_recording(noisy, lib, validation=other, test=noisy, **settings).has_test
 
 
 def test_a_split_trains_on_everything(lib, noisy):

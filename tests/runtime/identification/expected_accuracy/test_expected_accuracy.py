@@ -12,7 +12,13 @@ from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
 from runtime.excitation import Trajectory
 from runtime.excitation.search.criteria import unseen_joints, unseen_rows
 from runtime.excitation.search.information import FRICTION
-from runtime.identification.expected_accuracy.expected import ARM_ERROR, Knowledge, expected, gained
+from runtime.identification.expected_accuracy.expected import (
+    ARM_ERROR,
+    Knowledge,
+    expected,
+    gained,
+    unseen_torque,
+)
 from runtime.identification.expected_accuracy.planned_samples import (
     MotionSamples,
     motion_samples_of,
@@ -143,7 +149,8 @@ def test_links_by_dense_algebra(lib: Library, moved: MotionSamples, rows: np.nda
     unseen = unseen_rows(lib, lib.home)
     spread = lib.base_matrix @ inverse[:70, :70] @ lib.base_matrix.T
     band = np.sqrt(np.einsum("tjk,kl,tjl->j", unseen, spread, unseen) / len(unseen))
-    assert result.torque(lib, unseen_joints(lib, lib.home)) == pytest.approx(band, rel=1e-5)
+    by_errors = unseen_torque(lib.base_matrix @ result.root, unseen_joints(lib, lib.home))
+    assert by_errors == pytest.approx(band, rel=1e-5)
 
 
 def joined(*parts: Recording) -> Recording:

@@ -26,7 +26,7 @@ from runtime.excitation.proof.bounds import constraint_bounds
 from runtime.excitation.proof.certificate import Certificate, certificate_of
 from runtime.library import Array, Library
 from symgen.chain import read_chain
-from symgen.collision.model import BASE, CollisionModel, Pair, Proxy
+from symgen.collision.model import BASE, Pair, Proxy
 from symgen.make.config import RobotConfig
 from symgen.make.pipeline import build
 from symgen.make.request import BuildRequest
@@ -64,9 +64,7 @@ def robot(name: str, models: Path, root: Path) -> Library:
     pairs = tuple(
         Pair(f"part{i}", f"part{j}", -1.0) for i in range(n + 1) for j in range(i + 2, n + 1)
     )
-    config = RobotConfig(
-        torque_rate=(1000.0,) * n, tip_speed=2.0, collision=CollisionModel(proxies, pairs)
-    )
+    config = RobotConfig(torque_rate=(1000.0,) * n, tip_speed=2.0, proxy=proxies, pair=pairs)
     made: BuildRequest = replace(request, config=config)
     return load(build(made, root, levels=(load("fr3").level,)).folder)
 

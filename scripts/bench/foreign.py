@@ -55,7 +55,8 @@ def _robot(lib: Library, seed: int) -> list[Any]:
 
     def logs(first: int, count: int, day: int | None = None) -> Iterator[Recording]:
         for k in range(first, first + count):
-            log, _ = arm.session(k if day is None else day, k, LOG_S, RATE_HZ)
+            motion = 10_000 * seed + k  # of this robot alone
+            log, _ = arm.session(k if day is None else day, motion, LOG_S, RATE_HZ)
             yield Recording(
                 np.arange(len(log["q"])) / RATE_HZ, log["q"], log["dq"], None, log["tau"],
                 joint_names=lib.joint_names,

@@ -30,7 +30,7 @@ Forces, and the moment that remains, are shared by the contacts like the vertica
 contact carries the robot this is exact; the sum over contacts of equal axes always is.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -90,19 +90,29 @@ def reading_errors(lib: Library, motion: FreeBaseMotion) -> Array:
 def sensor_errors(contacts: Contacts) -> list[tuple[str, float]]:
     """Name and σ of the K coefficients of `reading_errors`, the first of φ.
 
-    Names are links of offsets, "sharing", and axes of crosstalk.
+    Names are links of offsets, numbered where a link has several contacts, "sharing", and axes of
+    crosstalk.
     """
     known: list[tuple[str, float]] = []
     if contacts.offset_sigma is not None:
         # A sensor that is stated to have no offset keeps one of rounding.
         sigma = np.maximum(contacts.offset_sigma, SMALLEST_OFFSET).tolist()
-        known += zip(contacts.links, sigma, strict=True)
+        known += zip(_names(contacts.links), sigma, strict=True)
     if contacts.sharing_sigma is not None:
         known.append(("sharing", max(contacts.sharing_sigma, SMALLEST_SHARING)))
     if contacts.crosstalk_sigma is not None:
         pairs = zip(CROSSTALK, contacts.crosstalk_sigma.tolist(), strict=True)
         known += [pair for pair in pairs if pair[1] > 0]
     return known
+
+
+def _names(links: Sequence[str]) -> list[str]:
+    """Names of contacts by their links, each another one."""
+    numbers = [links[: k + 1].count(link) for k, link in enumerate(links)]
+    return [
+        link if links.count(link) == 1 else f"{link} {number}"
+        for link, number in zip(links, numbers, strict=True)
+    ]
 
 
 def _shares(force: Array, unloaded: float) -> Array:

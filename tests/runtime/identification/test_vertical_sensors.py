@@ -71,6 +71,16 @@ def test_reading_of_shared_load_is_estimated(hopper: Library) -> None:
     assert result.record.torque_rms.after[0] == pytest.approx(after, rel=1e-6)
 
 
+def test_two_sensors_of_a_foot_have_offsets_of_their_own(hopper: Library) -> None:
+    """Property: heel and toe are two contacts of one link; the result names both."""
+    arrays = standing(read=False) | {"contact_links": np.array([FEET[0], FEET[0]])}
+    arrays |= {"contact_position": np.array([[-0.1, 0, 0], [0.1, 0, 0]])}
+    arrays |= {"contact_force_z_sigma": np.array([5.0, 0.0])}
+    result = identified(hopper, arrays)
+    offsets = [name for name in result.record.sensors if name.startswith(FEET[0])]
+    assert offsets == [f"{FEET[0]} 1", f"{FEET[0]} 2"]
+
+
 def test_noise_is_that_of_sensors_within_their_prior(hopper: Library) -> None:
     """Property: a γ that is stated as next to 0 explains no residual, so σ of the mass stays.
 

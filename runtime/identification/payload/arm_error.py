@@ -33,7 +33,7 @@ Source: linear propagation of fixed parameters; delete-a-group jackknife, Efron 
 scale by the method of moments and groups of postures are ours.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -77,6 +77,9 @@ differ by 3 to 7 %."""
 _BLOCK = 4096
 _RANK = 1e-10
 """Eigenvalue relative to the largest below which an error of the arm has no effect on torques."""
+UNEXPECTED = 4.0
+"""Squared residual along an error of the arm over its expectation, in the mean, from which the arm
+is not that of its posterior: 0.9 to 1.9 on simulated arms on another day, 7 to 11 on a PSM."""
 _FEW = 2.0
 """Factor on s² for the few directions, about twenty, that dominate its estimate."""
 
@@ -126,19 +129,25 @@ def _root(posterior: SavedPosterior, lib: Library, phi: Array) -> Array:
 
 
 def posterior_covariance(
-    lib: Library, root: Array, samples: Samples, columns: Array, noise: Array, shape: Array
-) -> Array:
-    """Covariance of a payload's π by the posterior of the arm, with J = C Σ_i Y_iᵀ W [Y_b, F].
+    lib: Library, root: Array, samples: Samples, columns: Array, errors: Array, noise: Array,
+    shape: Array, density: float,
+) -> Array | None:  # fmt: skip
+    """Covariance of a payload's π by the posterior of the arm; None where the arm is another one.
 
-    root (n_b + n k, m), columns Y (N, n, 10), noise (n,) [N·m, N], shape C (10, 10) → (10, 10).
+    root (n_b + n k, m), columns Y (N, n, 10), errors (N, n) [N·m, N] of noise (n,) times the root
+    of the density, shape C (10, 10) → (10, 10).
     """
-    rows = (columns - columns.mean(axis=0)) / noise[:, None] ** 2
-    cross = np.zeros((N_PARAMETERS, len(root)))
-    for i in range(0, len(samples), _BLOCK):  # the offsets take the means
-        part = samples.rows(slice(i, i + _BLOCK))
-        arm = np.concatenate([part.base_rows(lib), part.friction_rows()], axis=2)
-        weighted = rows[i : i + _BLOCK].reshape(-1, N_PARAMETERS)
-        cross += weighted.T @ arm.reshape(-1, len(root))
+
+    def columns_of(part: slice) -> Array:
+        rows = samples.rows(part)
+        return np.concatenate([rows.base_rows(lib), rows.friction_rows()], axis=2)
+
+    cross, left, slope = _products(columns_of, len(root), columns, errors, noise)
+    power, axes = np.linalg.eigh(root.T @ left @ root)
+    seen = power > _RANK * max(float(power[-1]), 1e-300)
+    along = (axes[:, seen].T @ (root.T @ slope)) ** 2
+    if np.mean(along / power[seen] / (power[seen] + density)) > UNEXPECTED:
+        return None
     moved = shape @ cross @ root
     return np.asarray(moved @ moved.T)
 
@@ -147,37 +156,50 @@ def arm_covariance(
     lib: Library, model: ArmModel, run: Recording, columns: Array, noise: Array, errors: Array,
     payload: Array,
 ) -> Array:  # fmt: skip
-    """Covariance of a payload's π that comes from the arm's model.
+    """Covariance of a payload's π by the prior of the arm, as wide as the residual makes likely.
 
     columns (N, n, 10), noise (n,) [N·m, N], errors (N, n) [N·m, N], payload (10, 10) → (10, 10).
     """
     # R of the arm: block-diagonal root of the prior's spread at its parameters.
     spread = bodies_of(lib).spread(prior_of(lib, model.pi).centre) / np.sqrt(CAD)
     motion = (run.q, run.required("dq"), run.required("ddq"))
-    rows = (columns - columns.mean(axis=0)) / noise[:, None]
-    width = lib.n_links * N_PARAMETERS
+
+    def columns_of(part: slice) -> Array:
+        y = lib.regressor(*(each[part] for each in motion))
+        links = y.reshape(*y.shape[:2], lib.n_links, N_PARAMETERS)
+        return np.asarray(np.einsum("ijkl,klm->ijkm", links, spread).reshape(y.shape))
+
+    cross, left, slope = _products(columns_of, lib.n_links * N_PARAMETERS, columns, errors, noise)
+    gain = payload @ cross
+    # Energy of the residual in the span of the arm's columns, over that of the whole prior: noise
+    # enters it by a few dozen of N n equations only.
+    energy = float(slope @ np.linalg.pinv(left, rcond=_RANK, hermitian=True) @ slope)
+    scale = min(1.0, _FEW * energy / max(float(np.trace(left)), 1e-300))
+    return np.asarray(scale * gain @ gain.T)
+
+
+def _products(
+    columns_of: Callable[[slice], Array], width: int, payload: Array, errors: Array, noise: Array
+) -> tuple[Array, Array, Array]:
+    """Yᵀ W A (10, w), Aᵀ W A without what Y and the offsets explain (w, w), and Aᵀ W e (w,).
+
+    columns_of: some rows of the arm's columns A, (N, n, w); payload Y (N, n, 10).
+    """
+    rows = (payload - payload.mean(axis=0)) / noise[:, None]
     mean, cross = np.zeros((len(noise), width)), np.zeros((N_PARAMETERS, width))
     gram, slope = np.zeros((width, width)), np.zeros(width)
-    for i in range(0, len(run), _BLOCK):
+    for i in range(0, len(rows), _BLOCK):
         part = slice(i, i + _BLOCK)
-        y = lib.regressor(*(each[part] for each in motion)) / noise[:, None]
-        links = y.reshape(*y.shape[:2], lib.n_links, N_PARAMETERS)
-        arm = np.einsum("ijkl,klm->ijkm", links, spread).reshape(y.shape)
+        arm = columns_of(part) / noise[:, None]
         flat = arm.reshape(-1, width)
         cross += rows[part].reshape(-1, N_PARAMETERS).T @ flat
         gram += flat.T @ flat
         slope += (errors[part] / noise).ravel() @ flat
         mean += arm.sum(axis=0)
     # The offsets take the means; the payload takes what its columns explain of the rest.
-    gain = payload @ cross
-    arm_rows = rows.reshape(-1, N_PARAMETERS)
-    taken = np.linalg.pinv(arm_rows.T @ arm_rows, rcond=_RANK, hermitian=True) @ cross
-    left = gram - mean.T @ mean / len(run) - cross.T @ taken
-    # Energy of the residual in the span of the arm's columns, over that of the whole prior: noise
-    # enters it by a few dozen of N n equations only.
-    energy = float(slope @ np.linalg.pinv(left, rcond=_RANK, hermitian=True) @ slope)
-    scale = min(1.0, _FEW * energy / max(float(np.trace(left)), 1e-300))
-    return np.asarray(scale * gain @ gain.T)
+    flat = rows.reshape(-1, N_PARAMETERS)
+    taken = np.linalg.pinv(flat.T @ flat, rcond=_RANK, hermitian=True) @ cross
+    return cross, gram - mean.T @ mean / len(rows) - cross.T @ taken, slope
 
 
 def gain_covariance(

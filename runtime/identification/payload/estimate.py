@@ -101,6 +101,10 @@ _PRIOR_SHARE = 0.5
 """σ of a value over σ of the prior, above which the prior dominates the value."""
 _CERTAIN = 3.0
 """Mass over its σ from which on there is a payload."""
+CHANGED = (
+    "the residual is far from what the posterior of the arm expects: the arm has changed since it "
+    "was identified, or is another one; identify it again, or record a run without the payload"
+)
 GAINS = 0.02
 """Relative standard deviation of torque gains where no data sheet states it."""
 _MODEL_ERROR = 0.1
@@ -173,11 +177,12 @@ def identify_payload(
                 f"the difference of the runs is that of a negative mass: '{empty.name}' carries "
                 f"the payload and '{recording.name}' none; exchange them"
             )
-    solution, repeated, gain_error = _with_model_error(
+    solution, repeated, gain_error, arm_used = _with_model_error(
         solution, lib, model, run, columns, is_alone=empty is not None, gains=gain_error
     )
-    payload = _payload(solution, mount, columns, model, empty is not None, gain_error)
-    notes = (*payload.notes, _moment_note(mount, solution))
+    payload = _payload(solution, mount, columns, arm_used, empty is not None, gain_error)
+    changed = () if (arm_used.root is None) == (model.root is None) else (CHANGED,)
+    notes = (*payload.notes, *changed, _moment_note(mount, solution))
     if repeated is None:
         return replace(payload, notes=notes)
     status, body = payload.status, payload.body
@@ -219,20 +224,23 @@ def _with_model_error(
     *,
     is_alone: bool,
     gains: float,
-) -> tuple[_Solution, PostureDeviation | None, float]:
-    """Covariance with errors of the arm, of gains and of postures; the second, and σ of gains.
+) -> tuple[_Solution, PostureDeviation | None, float, ArmModel]:
+    """Covariance with errors of the arm, of gains and of postures; these, σ of gains, and the arm.
 
-    is_alone: whether the run without the payload is subtracted.
+    is_alone: whether the run without the payload is subtracted. An arm whose posterior the residual
+    contradicts loses it.
     """
     noise, extra, repeated = solution.covariance, np.zeros_like(solution.shape), None
     weights = (solution.errors, solution.fitted, solution.shape, solution.density)
     if not (is_alone or model.is_exact):
-        if model.root is None:
-            parts = (columns, solution.noise, solution.errors, solution.white)
-            extra = arm_covariance(lib, model, run, *parts)
-        else:
+        known = None
+        if model.root is not None:
             samples = samples_of(run, lib)
-            extra = posterior_covariance(lib, model.root, samples, columns, *weights[1:3])
+            known = posterior_covariance(lib, model.root, samples, columns, *weights)
+        if known is None:
+            model = replace(model, root=None)
+        parts = (columns, solution.noise, solution.errors, solution.white)
+        extra = arm_covariance(lib, model, run, *parts) if known is None else known
     # A model by the same sensors has their gains, and takes up what repeats: the rest is news.
     is_alone = is_alone or model.root is not None
     if is_alone:
@@ -247,7 +255,7 @@ def _with_model_error(
     if repeated is not None:
         noise = repeated.widened(noise)
     changed = replace(solution, covariance=noise + extra, white=solution.white + extra)
-    return changed, repeated, gains
+    return changed, repeated, gains, model
 
 
 def _rows(

@@ -10,7 +10,9 @@ their excess over the (k + 1)-th largest one, u, has a generalised Pareto tail i
 
 whose centre ξ = 0 is the Gaussian tail; ξ is common to the joints. z solves (k/T) P(s > z) = rate/n
 in the mean over the posterior of ξ and c. Runs of exceedances count once, so that no extremal index
-of coloured noise is assumed. Source: Coles 2001, Ch. 4 and 5; Pickands 1975.
+of coloured noise is assumed. Free motion is usually of one day, and the friction of another day is
+another one: the logs are taken with friction that changes (`on_other_days`).
+Source: Coles 2001, Ch. 4 and 5; Pickands 1975.
 """
 
 from collections.abc import Sequence
@@ -21,9 +23,11 @@ from scipy.special import pdtrc
 
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
+from runtime.monitoring.model import MonitoredModel
 from runtime.monitoring.observation import Detector, both_torques, observe, signals_of, usual_torque
 from runtime.monitoring.observer import PAUSE_S, RELEASE
 from runtime.recording import Recording
+from runtime.recording.friction.model import motion_of
 
 PEAKS = 300
 """Largest number k of peaks per joint to which a tail is fitted."""
@@ -45,6 +49,9 @@ _SHAPES = np.arange(-0.495, 0.5, 0.03)
 _LOG_SCALES = np.linspace(-1.2, 0.8, 101)
 """Grid of the posterior: ξ, and ln c relative to the mean excess."""
 _DRAWS = 2000
+FRICTION_DAY, DAY_S = 0.07, 20.0
+"""Relative change of the friction of a healthy arm between days, 3 to 7 % on a UR5, and the time in
+which all of it is drawn anew [s]: half an hour of one day has 90 other days."""
 HIGH = 0.9
 """Quantile of s above which peaks are looked for."""
 
@@ -198,13 +205,34 @@ def rate_interval(tails: Sequence[Tail], levels: Array) -> tuple[float, float]:
     return float(low), float(high)
 
 
+def on_other_days(
+    lib: Library, model: MonitoredModel, logs: Sequence[Recording], rng: np.random.Generator
+) -> list[Recording]:
+    """Logs with the friction of other days: viscous and dry parts times 1 + a(t), a ~ N(0, s²).
+
+    a changes smoothly from one draw to the next: a(t) = cos θ a_k + sin θ a_{k+1}.
+    """
+    changed = []
+    for log in logs:
+        signals = motion_of(log, model.terms.columns, None).signals
+        parts = model.session_features(lib, log.q, log.required("dq"), signals)[:, :, 1:]
+        place = (log.t - log.t[0]) / DAY_S
+        first = place.astype(int)
+        draws = FRICTION_DAY * rng.normal(size=(first[-1] + 2, *parts.shape[1:]))
+        angle = (np.pi / 2 * (place - first))[:, None, None]
+        factors = np.cos(angle) * draws[first] + np.sin(angle) * draws[first + 1]
+        changed.append(log.replace(tau=log.required("tau") + np.sum(parts * factors, axis=2)))
+    return changed
+
+
 def calibrated_on(
     lib: Library, detector: Detector, logs: Sequence[Recording], has_speeds: bool = True
 ) -> tuple[Detector, tuple[Tail, ...]]:
     """The detector with scales, terms and levels from free motion, and the tails of its joints.
 
-    Logs are prepared; has_speeds states whether their dq was measured.
+    Logs are prepared, of one day or of several; has_speeds states whether their dq was measured.
     """
+    logs = on_other_days(lib, detector.model, logs, np.random.default_rng(0))
     plain, direct = _scaled(lib, detector, logs)
     rate_hz, rate = detector.settings.rate_hz, detector.rate.per_second
     # r without and with dry friction and timing, and the direct torque.

@@ -218,7 +218,7 @@ def _with_delay(problem: DriveProblem, terms: Friction) -> tuple[DriveProblem, A
     # The profile is of the rows before the test part, as the passes are.
     seen, request = before_test(problem.recording, problem.settings.split), problem.request
     by_profile = problem.recording.torque_source != COMMANDED and not request.per_joint
-    if by_profile and ROTOR.name not in terms.columns:
+    if by_profile and ROTOR.name not in terms.columns and not terms.gear:
         terms = replace(terms, columns=(*terms.columns, ROTOR.name))
     first = recorded_delay(seen, problem.lib, problem.preparation, terms)
     x = np.zeros(len(problem.most_step))

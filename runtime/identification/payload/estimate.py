@@ -225,10 +225,10 @@ def _with_model_error(
     is_alone: bool,
     gains: float,
 ) -> tuple[_Solution, PostureDeviation | None, float, ArmModel]:
-    """Covariance with errors of the arm, of gains and of postures; these, σ of gains, and the arm.
+    """Covariance with errors of the arm, of gains and of postures.
 
-    is_alone: whether the run without the payload is subtracted. An arm whose posterior the residual
-    contradicts loses it.
+    is_alone: whether the run without the payload is subtracted. Returned are, too, the errors of
+    postures, σ of the gains, and the arm, without its posterior where the residual contradicts it.
     """
     noise, extra, repeated = solution.covariance, np.zeros_like(solution.shape), None
     weights = (solution.errors, solution.fitted, solution.shape, solution.density)

@@ -1,6 +1,6 @@
 """`symgen payload`."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from runtime.cli.common import ResultFolder, open_robot
@@ -93,7 +93,7 @@ def payload_command(given: PayloadSettings) -> None:
         print(json_text(load_facts(payload, lib)), end="")
         return
     for table in payload.tables():
-        show(table)
+        show(replace(table, title=payload.heading))  # the status follows
     say(f"status: {payload.status}")
     way = "against the empty run" if payload.differential else f"arm: {payload.arm}"
     say(f"{way}; {payload.n_samples} samples count as {payload.n_effective:.0f} independent ones")

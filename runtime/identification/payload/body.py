@@ -272,6 +272,11 @@ class Payload(Shown):
     notes: tuple[str, ...]
     gain_error: float
 
+    @property
+    def heading(self) -> str:
+        """Link and frame of the values."""
+        return f"Payload on {self.mount.link}, in the frame of {self.mount.frame}"
+
     def tables(self) -> tuple[Table, ...]:
         """The ten values with their 95 % intervals, for N_eff samples and for white noise."""
         units = ("kg", *("m",) * 3, *("kg·m²",) * 6)
@@ -288,5 +293,4 @@ class Payload(Shown):
             for k, (name, unit) in enumerate(zip(NAMES, units, strict=True))
         )
         head = ("value", "estimate", "± 95 %", "± 95 % white noise", "unit", "")
-        title = f"Payload on {self.mount.link}, in the frame of {self.mount.frame}"
-        return (Table(head, rows, title=title),)
+        return (Table(head, rows, title=f"{self.heading}: {self.status}"),)

@@ -18,7 +18,7 @@ def no_space(*_: object, **__: object) -> NoReturn:
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
-@pytest.mark.parametrize("stage", ["_write_files", "_compile", "replace_folder"])
+@pytest.mark.parametrize("stage", ["_write_files", "compile_library", "replace_folder"])
 def test_full_disk_leaves_the_old_library(
     tiny: Path, tiny_request: BuildRequest, stage: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -92,7 +92,7 @@ def test_waiting_build_takes_what_the_first_has_built(
     assert mass(tiny) == pytest.approx(2.5, rel=1e-14)
 
 
-@pytest.mark.parametrize("stage", ["_write_files", "_compile", "replace_folder"])
+@pytest.mark.parametrize("stage", ["_write_files", "compile_library", "replace_folder"])
 def test_killed_build(tiny: Path, tiny_request: BuildRequest, tmp_path: Path, stage: str) -> None:
     """Property: SIGKILL after any stage leaves the old library loadable and the next build free."""
     heavy = tmp_path / "heavy.urdf"

@@ -52,7 +52,7 @@ def test_one_stated_torque_rate_is_named_where_it_is_not_checked() -> None:
 def test_the_rise_of_a_tip_at_rest_is_finite() -> None:
     """Oracle: rise of (v² − 1)/2 by v · d²v/dt² + (dv/dt)² over the squared limit, at rest too."""
     v, dv, ddv = np.array([0.0, 1.0]), np.array([0.5, 0.5]), np.array([3.0, 3.0])
-    bounds = SimpleNamespace(tip=lambda: (None, v, dv, ddv), bend=lambda second: second)
+    bounds = SimpleNamespace(tip=(None, v, dv, ddv), bend=lambda second: second)
     rise = TipSpeed.rise(SimpleNamespace(limit=2.0), bounds)
     np.testing.assert_allclose(rise, [[0.25 / 4], [3.25 / 4]], rtol=1e-9)
 

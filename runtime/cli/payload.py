@@ -9,9 +9,10 @@ from runtime.common.files import json_text
 from runtime.common.settings import argument_field, data_field, model_field, output_field
 from runtime.common.terminal import command_line, say, say_notes, show
 from runtime.identification.payload.arm_error import arm_model, read_arm_model
-from runtime.identification.payload.estimate import GAINS, identify_payload
+from runtime.identification.payload.estimate import identify_payload
 from runtime.identification.payload.output import FILES, load_facts, write_payload
 from runtime.identification.prepared_log import filter_for_accelerations
+from runtime.identification.settings import GAIN_SIGMA
 from runtime.recording import read_recording
 from runtime.recording.coupled_joints import independent_joints
 
@@ -38,7 +39,7 @@ class PayloadSettings(BodyChoices):
     )
     empty_run: str | None = data_field(help="Run of the log without payload; default --run.")
     gain_error: float = model_field(
-        GAINS,
+        GAIN_SIGMA,
         metavar="SHARE",
         help="Largest standard deviation of the torque gain of every joint, relative to one; the "
         "intervals include what the residual supports of it.",

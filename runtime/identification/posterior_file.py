@@ -143,9 +143,14 @@ def write_posterior(folder: Path, posterior: SavedPosterior) -> None:
         )
 
 
+def path_of_posterior(result: Path) -> Path:
+    """posterior.npz of a folder of a result, or beside its result.json."""
+    return (result if result.is_dir() else result.parent) / FILE
+
+
 def read_posterior(result: Path, saved: SavedResult, lib: Library) -> SavedPosterior:
     """Read the posterior of a result."""
-    path = (result if result.is_dir() else result.parent) / FILE
+    path = path_of_posterior(result)
     try:
         arrays = open_npz(require_file(path).read_bytes(), path.name)
         stored = record_from_arrays(_Stored, arrays, path.name)

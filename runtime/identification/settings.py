@@ -33,6 +33,10 @@ OF_PREPARATION = ("cutoff", "rate", "regressor")
 """Fields in place of single steps of a preparation."""
 
 
+GAIN_SIGMA = 0.02
+"""Relative standard deviation of torque gains where no data sheet states it."""
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Settings:
     """Settings of an identification.
@@ -105,7 +109,7 @@ class Settings:
     refit: bool = True
     robust: bool = False
     friction_prior: FrictionPrior | KnownFriction | None = None
-    gain_sigma: float = 0.02
+    gain_sigma: float = GAIN_SIGMA
 
     def __post_init__(self) -> None:
         cutoff_of(self.cutoff)  # refused here, before a log is read

@@ -221,7 +221,7 @@ friction (load, bend over the speed, peak at low speed; stroke, where friction h
 MOST = 0.02
 """Largest λ over the range of the joint: q hardly differs from sin q where a joint moves little,
 and would leave both of them open."""
-SHAPES = 8
+SHAPES = len(KINDS) - 1
 """Number of shapes without that of the stroke."""
 SIGNIFICANT = 4.6
 """Gain of 2 log p from which on a joint has nuisance torque: 5 % of logs that have none."""

@@ -70,7 +70,7 @@ class DriveProblem:
     preparation: Preparation  # of the rows; its delay is replaced
     given: Array  # delay where it is not estimated, (1,) or (n,) [s]
     progress: Progress = SILENT  # shown the iterations
-    known: float | None = None  # σ of the delay by the profile of a measured torque [s]
+    delay_sigma: float | None = None  # of the delay by the profile of a measured torque [s]
 
     def rough(self, preparation: Preparation | None = None) -> "DriveProblem":
         """The same without certificates and progress."""
@@ -161,7 +161,7 @@ def linearised_at(
         kappa=settings.prior.kappa if settings.prior and settings.prior.kappa else CAD,
         phi_prior=None if known is None else known.sigma,
         rough=rough,
-        delay_sigma=problem.known,
+        delay_sigma=problem.delay_sigma,
     )
 
 
@@ -230,7 +230,7 @@ def _with_delay(problem: DriveProblem, terms: Friction) -> tuple[DriveProblem, A
     if by_profile:
         biased = replace(problem, request=replace(request, delay=False), given=x[:count])
         x[count:], _ = newton_passes(biased, x[count:])
-        return replace(problem, known=first.sigma), x, ""
+        return replace(problem, delay_sigma=first.sigma), x, ""
     x, sigma = newton_passes(problem, x)
     if np.all(sigma[:count] < MOST_SIGMA) and np.all(np.abs(x[:count]) < LATEST_S):
         return problem, x, ""

@@ -44,8 +44,8 @@ from runtime.estimators.regression.model_error import gain_error
 from runtime.estimators.regression.samples import NORMAL_95, Samples
 from runtime.identification.identified import Identification
 from runtime.identification.posterior_file import (
-    FILE,
     SavedPosterior,
+    path_of_posterior,
     posterior_of_result,
     read_posterior,
 )
@@ -117,7 +117,7 @@ def read_arm_model(path: Path, lib: Library) -> ArmModel:
     saved, root = read_result(path), None
     notes = require_model(saved.record, lib, path)
     origin = "; ".join((f"identified, '{path}'", *notes))
-    if (path if path.is_dir() else path.parent).joinpath(FILE).exists():
+    if path_of_posterior(path).exists():
         root = _root(read_posterior(path, saved, lib), lib, saved.phi)
     return ArmModel(saved.pi, saved.friction, saved.phi, origin, root)
 
@@ -186,7 +186,7 @@ def _products(
 
     columns_of: some rows of the arm's columns A, (N, n, w); payload Y (N, n, 10).
     """
-    rows = (payload - payload.mean(axis=0)) / noise[:, None]
+    rows = over_noise(payload, noise)
     mean, cross = np.zeros((len(noise), width)), np.zeros((N_PARAMETERS, width))
     gram, slope = np.zeros((width, width)), np.zeros(width)
     for i in range(0, len(rows), _BLOCK):
@@ -203,6 +203,11 @@ def _products(
     return cross, gram - mean.T @ mean / len(rows) - cross.T @ taken, slope
 
 
+def over_noise(columns: Array, noise: Array) -> Array:
+    """Columns (N, n, 10) over the noise (n,) of their rows; the offsets take the means."""
+    return (columns - columns.mean(axis=0)) / noise[:, None]
+
+
 def gain_covariance(
     columns: Array, torque: Array, errors: Array, noise: Array, shape: Array, density: float,
     expected: float,
@@ -214,7 +219,7 @@ def gain_covariance(
     """
     sizes, axes = np.linalg.eigh(shape)
     root = axes * np.sqrt(np.maximum(sizes, 0.0))
-    rows = (columns - columns.mean(axis=0)) / noise[:, None]
+    rows = over_noise(columns, noise)
     varying = (torque - torque.mean(axis=0)) / noise
     taken = root.T @ np.einsum("ijk,ij->kj", rows, varying)
     moved, sigma = gain_error(taken, varying, errors / noise, density, expected)

@@ -20,7 +20,7 @@ from runtime.estimators.convex.entropic_prior import NONE, prior_from, spread_of
 from runtime.estimators.convex.newton import convex_problem, minimise_anywhere
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of_rows
 from runtime.estimators.regression.factor import reduced_of
-from runtime.estimators.regression.samples import NORMAL_95, samples_of
+from runtime.estimators.regression.samples import NORMAL_95, Samples, samples_of
 from runtime.identification.payload.arm_error import (
     FEW,
     LEAST_TRAVEL,
@@ -29,10 +29,12 @@ from runtime.identification.payload.arm_error import (
     arm_covariance,
     arm_model,
     gain_covariance,
+    over_noise,
     posterior_covariance,
     posture_error,
 )
 from runtime.identification.payload.body import NAMES, Body, Mount, Payload, body_of, mount_of
+from runtime.identification.settings import GAIN_SIGMA
 from runtime.library import Array, Library, require_library
 from runtime.library.parameters import N_PARAMETERS, pi_from_parts
 from runtime.recording import Preparation, Recording
@@ -105,8 +107,6 @@ CHANGED = (
     "the residual is far from what the posterior of the arm expects: the arm has changed since it "
     "was identified, or is another one; identify it again, or record a run without the payload"
 )
-GAINS = 0.02
-"""Relative standard deviation of torque gains where no data sheet states it."""
 _MODEL_ERROR = 0.1
 """Residual over the torque of the payload, above which the model of the arm dominates the error."""
 
@@ -121,7 +121,7 @@ def identify_payload(
     empty: Recording | None = None,
     preparation: Preparation | None = None,
     kappa: float = NONE,
-    gain_error: float = GAINS,
+    gain_error: float = GAIN_SIGMA,
 ) -> Payload:
     """Identify π and b of a payload: τ − Y π_arm − F φ_arm = Y_k π + b + e.
 
@@ -150,14 +150,14 @@ def identify_payload(
             "0.05 stands for 5 %"
         )
     mount, model = mount_of(lib, link), arm or arm_model(lib)
-    run, residual, columns = _rows(recording, lib, mount, model, preparation)
+    run, samples, residual, columns = _rows(recording, lib, mount, model, preparation)
     if len(run) < FEWEST_ROWS:
         raise IdentificationError(
             f"the recording '{recording.name}' leaves {len(run)} samples, a payload needs "
             f"{FEWEST_ROWS} or more; record for longer"
         )
     if empty is not None:
-        bare, residual0, _ = _rows(empty, lib, mount, model, preparation)
+        bare, _, residual0, _ = _rows(empty, lib, mount, model, preparation)
         residual = residual - empty_residual(run, bare, residual0, lib.joint_names)
         if same_rows([("", independent_joints(each, lib)) for each in (empty, recording)]):
             raise IdentificationError(
@@ -178,7 +178,7 @@ def identify_payload(
                 f"the payload and '{recording.name}' none; exchange them"
             )
     solution, repeated, gain_error, arm_used = _with_model_error(
-        solution, lib, model, run, columns, is_alone=empty is not None, gains=gain_error
+        solution, lib, model, run, samples, columns, is_alone=empty is not None, gains=gain_error
     )
     payload = _payload(solution, mount, columns, arm_used, empty is not None, gain_error)
     changed = () if (arm_used.root is None) == (model.root is None) else (CHANGED,)
@@ -220,6 +220,7 @@ def _with_model_error(
     lib: Library,
     model: ArmModel,
     run: Recording,
+    samples: Samples,
     columns: Array,
     *,
     is_alone: bool,
@@ -235,7 +236,6 @@ def _with_model_error(
     if not (is_alone or model.is_exact):
         known = None
         if model.root is not None:
-            samples = samples_of(run, lib)
             known = posterior_covariance(lib, model.root, samples, columns, *weights)
         if known is None:
             model = replace(model, root=None)
@@ -244,8 +244,8 @@ def _with_model_error(
     # A model by the same sensors has their gains, and takes up what repeats: the rest is news.
     is_alone = is_alone or model.root is not None
     if is_alone:
-        rows = (columns - columns.mean(axis=0)) / solution.fitted[:, None]
-        parts = (rows, solution.errors / solution.fitted, solution.shape, noise)
+        weighted = over_noise(columns, solution.fitted)
+        parts = (weighted, solution.errors / solution.fitted, solution.shape, noise)
         repeated = posture_error(run, lib.joint_names, *parts)
     gains = gains if solution.density > _PERFECT**2 else 0.0  # rounding shows nothing of them
     if gains:
@@ -264,8 +264,8 @@ def _rows(
     mount: Mount,
     model: ArmModel,
     preparation: Preparation | None,
-) -> tuple[Recording, Array, Array]:
-    """Prepared run, residual τ − Y π_arm − F φ_arm (N, n), and columns Y_k (N, n, 10)."""
+) -> tuple[Recording, Samples, Array, Array]:
+    """Prepared run and samples, residual τ − Y π_arm − F φ_arm (N, n), columns Y_k (N, n, 10)."""
     recording = independent_joints(recording, lib)
     require_plausible(recording, lib)
     bare = recording.replace(columns=None, column_names=())
@@ -278,7 +278,7 @@ def _rows(
         lib.regressor(*(a[i : i + _BLOCK] for a in (s.q, s.dq, s.ddq)))[:, :, mount.columns]
         for i in range(0, len(s), _BLOCK)
     ]
-    return prepared, residual, np.concatenate(columns)
+    return prepared, s, residual, np.concatenate(columns)
 
 
 def _solved(mount: Mount, columns: Array, residual: Array, kappa: float) -> _Solution:

@@ -1,9 +1,6 @@
 """C code of the rigid-body model of a robot arm: URDF → chain → kernels → generated/<robot>/.
 
 Build time only (casadi, pinocchio, jinja2); the `runtime` package never imports it.
-The rooms from the ground up: `errors`, `ros`, `kernel`, `chain`, `sources`, `mechanics`,
-`collision`, `catalogue`, `emit`, `inspect`, `make`, `cli`, `console`; `robots` and `templates`
-hold data.
 """
 
 import os

@@ -76,10 +76,7 @@ def _probed(compiler: Words, flags: Words, *_: object) -> bool:
 def compile_commands(
     how: Mapping[str, Any], levels: Sequence[str], compiler: Words, folder: Path, target: Path
 ) -> list[Words]:
-    """Commands, to run in a folder, that compile its C files, the longest first, and link `target`.
-
-    `how` is the content of compile.json. Levels that the compiler does not support are left out.
-    """
+    """Commands that compile the C files of a folder, the longest first, and link `target`."""
     place = "" if target.parent == folder else f"{target.parent}/"
     units: list[tuple[int, Words]] = []
     has_better = False  # levels are listed from the best on

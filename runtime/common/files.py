@@ -163,11 +163,7 @@ def require_unused(
 
 @contextmanager
 def replacing(path: Path) -> Iterator[IO[bytes]]:
-    """A binary file that takes the place of `path` when the block ends without an error.
-
-    Missing folders are made. On any error the old file stays unchanged. A link in the place of
-    `path` is replaced, not followed.
-    """
+    """Binary file that takes the place of `path`, or of a link there, at the end without errors."""
     if not path.name:
         raise RuntimeFault(f"cannot write '{path}': it names no file")
     draft = path.with_name(f"{DRAFT}{secrets.token_hex(8)}")
@@ -239,11 +235,7 @@ def toml_value(value: Any) -> str:
 
 @contextmanager
 def replacing_folder(path: Path) -> Iterator[Path]:
-    """A new folder beside `path`, whose files move there when the block ends without an error.
-
-    Files of `path` that the new folder lacks stay. On any error of writing the old folder stays
-    unchanged.
-    """
+    """Folder whose files move to `path` at the end without errors; other files there stay."""
     draft = path.with_name(f"{DRAFT}{secrets.token_hex(8)}")
     try:
         yield draft

@@ -211,10 +211,7 @@ _FILES = Annotated[
 
 
 def stated_settings(record: type[Choices], words: Sequence[str]) -> dict[str, Any]:
-    """Fields that the words behind --settings state, files or NAME=VALUE, as Typer takes them.
-
-    The last word counts, of lists every word.
-    """
+    """Fields that the words behind --settings state, files or NAME=VALUE; the last word counts."""
     values: dict[str, Any] = {}
     added: set[str] = set()  # fields with several values that words gave, not files
     for word in words:

@@ -28,10 +28,7 @@ def cores() -> int:
 
 
 def computed_ahead(work: Callable[[T], R], items: Iterable[T], most: int) -> Iterator[R]:
-    """`work` of each item in their order, of up to `most` items at a time on threads.
-
-    This thread takes the items, so that a source with one place is read in order.
-    """
+    """`work` of each item in order, `most` at a time on threads; this thread takes the items."""
     source, waiting = iter(items), deque[Future[R]]()
     with ThreadPoolExecutor(min(cores(), most)) as pool:
         while True:

@@ -146,10 +146,7 @@ def _write_log(motion: CertifiedMotion, rate: float, path: Path) -> None:
 
 
 def _write_libfranka(motion: CertifiedMotion, rate: float, path: Path) -> None:
-    """Write one row per cycle, the command k ms after the start; the last is at rest at home.
-
-    The duration is rounded up to whole milliseconds; the motion itself ends at t_f.
-    """
+    """Write one row per cycle, k ms after the start; the last one, at a whole ms, is at rest."""
     del rate  # the control cycle fixes it
     lib, duration = motion.lib, motion.trajectory.duration
     steps = int(np.ceil(duration * CONTROL_RATE * (1 - 1e-12)))

@@ -136,10 +136,7 @@ def _shares(values: dict[str, Array], bands: dict[str, Band], home: Array) -> di
 
 
 def _envelopes(lib: Library, bands: dict[str, Band]) -> tuple[Envelope, ...]:
-    """Bounds dq ≤ min(limit, √(k (q̂ − q)) − c), and likewise downwards; or the limit alone.
-
-    Source: `runtime.library.manifest.BrakingFacts`.
-    """
+    """Bounds dq ≤ min(limit, √(k (q̂ − q)) − c), and likewise downwards; or the limit alone."""
     envelopes = []
     for j in range(lib.n_joints):
         low, high = bands["position"].lower[j], bands["position"].upper[j]

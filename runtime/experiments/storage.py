@@ -157,12 +157,7 @@ _FILE = Path(__file__).with_name("document_numbers.toml")
 
 
 def document_values(ids: Iterable[str]) -> list[dict[str, Any]]:
-    """Entries {id, source, case, method, metric, mean, std} of the ids that have numbers.
-
-    A corrected number has a further `misprint`, the text that the document prints.
-
-    A metric with a list of pairs is one per joint: `tau_error` gives tau_error_1, tau_error_2, …
-    """
+    """Entries {id, source, case, method, metric, mean, std[, misprint]} of the ids with numbers."""
     tables = tomllib.loads(_FILE.read_text(encoding="utf-8"))
     lines = []
     for name in dict.fromkeys(ids):

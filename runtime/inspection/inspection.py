@@ -2,13 +2,9 @@
 
 Each check returns a plan (a recipe) with which the next one reads the log: first the layout of the
 files, then units, order and clock of the motion, then order, sign and unit of the torque, then the
-fit of the model. Of a log of all joints of a robot with couplings or loops, the independent joints
-are checked. Motor currents whose recipe states no gain are read with gain 1, which
-`torque_rows.scale` compares with the model; the recipe stays without gains, which `identify`
-estimates from the rows before the test part.
-
-The proposed recipe is written as TOML for `identify --recipe`, with the findings as comments.
-Values that only the user has (gears, the zero of motor angles) are a block to be filled in.
+fit of the model. Motor currents whose recipe states no gain are read with gain 1; the recipe stays
+without gains, which `identify` estimates from the rows before the test part. Values that only the
+user has (gears, the zero of motor angles) are a block to be filled in.
 """
 
 import textwrap
@@ -240,10 +236,7 @@ def _of_file(raw: Raw) -> list[Finding]:
 
 
 def _completed(plan: Recipe, lib: Library) -> Recipe:
-    """The plan with the robot's name, complete for `identify`.
-
-    Usual columns are left to `identify`, which chooses friction and rotors by cross-validation.
-    """
+    """The plan with the robot's name; usual friction columns are left to cross-validation."""
     friction = plan.friction or proposed_terms(plan)
     if plan.friction is None and friction == Friction():
         return plan.replace(robot=lib.name)

@@ -1,9 +1,8 @@
 """Checks of the torque in their order: columns, signs, unit, gravity, delay, fit of the model.
 
-The proposed preparation has a cut-off whose accelerations the log supports. Cross-validation orders
-the candidates (`regressor_choice`). Proposed is the first of them that
-predicts within `WORSE` of the best and whose accelerations pass the check of `regressor_choice`;
-where none does, the regressor of momentum, which needs no accelerations.
+Proposed is the first preparation that predicts within `WORSE` of the best in cross-validation and
+whose accelerations pass the check of `regressor_choice`; where none does, the regressor of
+momentum, which needs no accelerations.
 """
 
 from collections.abc import Callable
@@ -106,10 +105,7 @@ def check_torque(checks: CheckRun, lib: Library, propose: bool) -> None:
 
 
 def _with_rotors(checks: CheckRun, lib: Library, terms: Friction) -> Friction:
-    """Friction columns with rotors, where these take a part of what links and friction leave.
-
-    The torque of motors, commanded or computed from currents, includes what accelerates rotors.
-    """
+    """Friction columns with rotors, where these take a part of what links and friction leave."""
     if checks.plan.friction is not None or ROTOR.name in terms.columns:
         return terms
     shares = drives.shares_of(checks.recording, lib, checks.plan.preparation)
@@ -202,10 +198,7 @@ def _placeholders(lib: Library) -> list[Finding]:
 
 
 def _harmless_cutoff(recording: Recording, lib: Library, usual: Preparation) -> float | None:
-    """Cut-off of the proposal [Hz]: lower than the usual one where that leaves too much noise.
-
-    A lower cut-off takes a part of the motion too, so that the share of noise is computed again.
-    """
+    """Cut-off of the proposal [Hz], lowered step by step where noise remains: motion goes too."""
     tried = usual
     for _ in range(_LOWERED):
         quality = differentiation_of(recording, lib, tried)
@@ -329,10 +322,7 @@ def _instead(ready: Preparation, choice: CutoffChoice) -> Finding:
 
 
 def _thinned(ready: Preparation, recording: Recording, lib: Library) -> Preparation:
-    """A preparation decimated to the rate that its band needs, without intervals of rest.
-
-    A log of slow motion alone would lose all of its rows with them.
-    """
+    """A preparation decimated to the rate of its band; rest goes unless little would be left."""
     grid = ready.grid_hz or (1.0 / ready.clock_tick if ready.clock_tick else recording.rate_hz)
     most = grid / (ROWS_PER_CUTOFF * (ready.cutoff_hz or grid))
     step = max(k for k in _STEPS if k <= max(most, 1.0))

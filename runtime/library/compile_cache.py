@@ -148,11 +148,7 @@ _ELSEWHERE = "set SYMGEN_CACHE to a folder that can be written"
 
 
 def compiled_library(folder: Path, robot: str, level: str | None = None) -> Path:
-    """Folder of the compiled library of a generated robot; compiles it where needed.
-
-    All levels of this machine except the reference are compiled, or those of $SYMGEN_LEVELS, and
-    `level`.
-    """
+    """Folder of the compiled library of a robot; all levels of this machine, or $SYMGEN_LEVELS."""
     recipe = read_recipe(folder)
     require_intact(folder, recipe, ["manifest.json"])
     levels = _wanted(recipe, level)
@@ -198,10 +194,7 @@ def compiled_file(source: Path, flags: Words) -> Path:
 
 
 def _kept(name: Path, robot: str, compiled: Callable[[Path, Path], dict[str, Any]]) -> Path:
-    """Folder of a library in the cache, which one process makes.
-
-    `compiled` makes the library in a cache folder and returns facts for its build.json.
-    """
+    """Folder of a library in the cache; `compiled` makes it and returns facts for build.json."""
     roots = _roots()
     for root in roots:
         if is_whole(root / name, robot):

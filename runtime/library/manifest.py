@@ -79,10 +79,7 @@ class CouplingFacts:
 
 @dataclass(frozen=True, slots=True)
 class ProxyFacts:
-    """A capsule rigid in `link` ("base": the fixed one): its axis in that frame and its radius, m.
-
-    `joint` is the index of the joint that moves it, −1 for the base.
-    """
+    """A capsule rigid in `link` ("base": the fixed one), m; `joint` moves it, −1 for the base."""
 
     name: str
     link: str

@@ -282,10 +282,7 @@ class MotionKernels(Kernels):
         return self.binding.call("energy_regressor", q, dq)[0]
 
     def spring_columns(self, q: ArrayLike) -> Array:
-        """Torques S(q) of the springs of unknown stiffness for k = 1, τ = S k.
-
-        (N, n, s) for the s springs of `manifest.springs`; s = 0 without springs.
-        """
+        """Torques S(q) of the s springs of unknown stiffness for k = 1, τ = S k, (N, n, s)."""
         if "spring_columns" not in self.manifest.kernels:
             return np.zeros((*np.shape(q), 0))
         return self.binding.call("spring_columns", q)[0]

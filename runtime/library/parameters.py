@@ -71,10 +71,7 @@ def centre_of_mass(pi: Array) -> Array:
 
 
 def pi_from_parts(mass: ArrayLike, first_moment: ArrayLike, inertia: ArrayLike) -> Array:
-    """π (10,) of one body from m [kg], m·c (3,) [kg·m] and I about the origin of the link [kg·m²].
-
-    inertia: XX, YY, ZZ, XY, XZ, YZ.
-    """
+    """π (10,) of one body from m, m·c and I = XX, YY, ZZ, XY, XZ, YZ about the link origin."""
     pi = np.zeros(N_PARAMETERS)
     pi[MASS], pi[FIRST_MOMENT], pi[INERTIA] = mass, first_moment, inertia
     return pi

@@ -32,10 +32,7 @@ UNITS_OF_TIME = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "s declared as ms": 1e3}
 
 
 def check_consistency(recording: Recording) -> Recording:
-    """The recording, with a warning in its history where Δq/Δt and dq differ.
-
-    They are refused where they differ by the factor of degrees or of a unit of time.
-    """
+    """The recording, with a warning where Δq/Δt and dq differ; a factor of units is refused."""
     recording = _note_suspicions(recording)
     if recording.dq is None or len(recording) <= 2 * STRIDE:
         return recording

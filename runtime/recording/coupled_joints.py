@@ -65,10 +65,7 @@ def independent_joints(recording: Recording, lib: Library) -> Recording:
 
 
 def _in_order(recording: Recording, lib: Library) -> Recording:
-    """The joints of the robot by their names, of a log that names them in another order, or more.
-
-    Laws and unknown gains have a number per joint of the recipe, whose order stays.
-    """
+    """The joints of the robot by name; laws and unknown gains keep the order of the recipe."""
     names, robot = recording.joint_names, lib.joint_names
     has_numbers = recording.law is not None or recording.has_unknown_gains
     if not names or recording.columns is not None or has_numbers:

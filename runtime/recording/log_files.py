@@ -1,12 +1,8 @@
 """The raw files of one recording: located, opened by their format and hashed once.
 
-Which columns of which file are read, the recipe states; without one, the default convention of the
-format does.
-
 Known data sets lie in the package, in $SYMGEN_DATA, in `shared` beside the repository, or are
-downloaded. The examples come with the package; of other data nothing is copied into the repository.
-A download is pinned by commit and sha256 in the bundled recipe of the set, and is kept in the cache
-folder of the operating system.
+downloaded. A download is pinned by commit and sha256 in the bundled recipe of the set, and is kept
+in the cache folder of the operating system.
 """
 
 import logging

@@ -384,10 +384,7 @@ gives that since power-on, and the torque of a control law [N·m, N]."""
 
 
 def _locked(values: ArrayLike) -> FloatArray:
-    """A read-only float64 view, row by row; the array of the caller stays writeable.
-
-    A read-only array is taken as it lies, column by column too, where a reader gives it that way.
-    """
+    """A read-only float64 view by rows; a read-only array is taken as it lies, by columns too."""
     flags = values.flags if isinstance(values, np.ndarray) and values.dtype == np.float64 else None
     if flags is not None and not flags.writeable and (flags.c_contiguous or flags.f_contiguous):
         return np.asarray(values)

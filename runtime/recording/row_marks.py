@@ -1,11 +1,10 @@
 """Recognise rows of a log in another one: under another name, in another format, in part.
 
 A row is marked by a hash of its rounded positions and torques. The smallest `COUNT` hashes of a log
-are a random choice of its rows that is the same in every log which holds them:
+are a random choice of its rows, the same in every log that holds them (Broder, On the resemblance
+and containment of documents, 1997):
 
     share of the rows of a log that another one holds ≈ |marks ∩ hashes| / |hashes ≤ largest mark|
-
-Source: Broder, On the resemblance and containment of documents, 1997.
 """
 
 from collections.abc import Sequence

@@ -1,9 +1,6 @@
 """Settings: preparation of a recording, its split, and friction columns with their registry.
 
-    τ_f,j = Σ_k C_jk φ_jk        C (N, n, k) columns of the motion, φ (n, k) their coefficients
-
-A column is one record in `runtime.recording.friction.columns` and one line in `COLUMNS` (or an
-entry point of the group "symgen.friction_columns" of another package).
+τ_f,j = Σ_k C_jk φ_jk        C (N, n, k) columns of the motion, φ (n, k) their coefficients
 """
 
 import dataclasses
@@ -256,10 +253,7 @@ class Preparation:
 
 @dataclass(frozen=True, slots=True)
 class Split:
-    """Parts of the duration: (from, to) as fractions, one after the other, or all of them (0, 1).
-
-    With (0, 1) three times, `EVERYTHING`, all rows train, and errors are those of the training.
-    """
+    """Parts of the duration as fractions, (from, to) in turn, or (0, 1) for all: `EVERYTHING`."""
 
     train: tuple[float, float] = (0.0, 0.48)
     validation: tuple[float, float] = (0.48, 0.6)

@@ -87,10 +87,7 @@ class StreamedRecording:
         return recording if self.gains is None else scaled(recording, self.gains)
 
     def instants(self, rows: Sequence[int], reach: int) -> NDArray[np.float64]:
-        """Times [s] of rows in ascending order; for a corrupt row, that of the next usable one.
-
-        reach: number of rows that are searched.
-        """
+        """Times [s] of ascending rows; for a corrupt one that of the next one within `reach`."""
         time = self.plan.time
         if time is None or self.clock is None:
             rate = 1.0 if time is None or time.rate_hz is None else time.rate_hz
@@ -175,10 +172,7 @@ def open_log(
     joints: Sequence[str] = (),
     stream: bool | None = None,
 ) -> Recording | StreamedRecording:
-    """Read a log, or open it where it stays in its file; arguments are those of `read_recording`.
-
-    stream: True leaves it in its file, False reads it as a whole, None decides by its size.
-    """
+    """Read a log as `read_recording` does, or leave it in its file; None decides by its size."""
     if stream:
         return open_streamed(path, recipe, run, joints)
     if stream is None and is_large(path):

@@ -241,10 +241,7 @@ def _without_intervals(
 
 
 def scaled(recording: Recording, gains: CurrentGains) -> Recording:
-    """The recording with torques of estimated gains; itself where the recipe states gains.
-
-    τ = Rᵀ diag(k) R⁻ᵀ i        R the gear matrix; τ_j = k_j i_j without coupled gears
-    """
+    """The recording with torques τ = Rᵀ diag(k) R⁻ᵀ i of estimated gains k, R the gear matrix."""
     if not recording.has_unknown_gains:
         return recording
     tau, k = recording.required("tau"), gains.gain

@@ -1,8 +1,7 @@
 """Robots whose parameters are known, at two distances from reality.
 
-`ideal` and `closed_loop` are quick: physics of the robot's compiled library, white noise. `record`
-simulates a real log: physics of MuJoCo, friction beyond the models that are fitted, sensors and a
-drive with the faults of real ones.
+`ideal` and `closed_loop` are quick: the compiled library and white noise. `record` simulates a real
+log: MuJoCo, friction beyond the models that are fitted, faults of real sensors and drives.
 """
 
 from runtime.excitation.motion.trajectory import sample_times

@@ -1,9 +1,7 @@
 """Recordings of a robot whose parameters are known: along a trajectory, or in closed loop.
 
-`ideal` evaluates τ = Y π along the trajectory (document Sec. 5.1). `closed_loop` lets the compiled
-simulator follow it: a computed-torque controller with a given model, a plant with rotors and
-friction, sensors with noise. `follow` is the same without sensors, for callers that need the
-states.
+`closed_loop` lets the compiled simulator follow the trajectory: a computed-torque controller with a
+given model, a plant with rotors and friction, sensors with noise; `follow` has no sensors.
 """
 
 from collections.abc import Callable

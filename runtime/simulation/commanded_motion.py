@@ -48,10 +48,7 @@ def commanded_motion(
     first: tuple[Array, Array],
     zero: Array,
 ) -> Array:
-    """Positions (N, n) at t from u (N, n), and q and dq (n,) of the first row.
-
-    The links are at q + zero.
-    """
+    """Positions (N, n) at t from u (N, n), and q and dq (n,) at first; links are at q + zero."""
     q, speed = first
     step = max(float(np.median(np.diff(t))), LEAST_STEP)
     steps = np.arange(t[0], t[-1] + step, step)

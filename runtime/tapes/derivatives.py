@@ -38,10 +38,7 @@ class KernelCall:
     outputs: Sequence[Tensor]
 
     def derivatives(self, needed: Sequence[bool]) -> list[Tensor | None]:
-        """Return the derivatives by the needed inputs.
-
-        Those of `loss_gradient`, summed over samples, have the shapes of its inputs.
-        """
+        """Derivatives by the needed inputs; those of `loss_gradient` are summed over samples."""
         if self.name == "pi_from_lam":
             return [self.call("pi_jacobian", *self.inputs)[1]]
         if self.name == "inverse_dynamics":

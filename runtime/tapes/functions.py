@@ -1,8 +1,4 @@
-"""`runtime.torch` and `runtime.jax`: dynamics of one robot on arrays of either.
-
-Here stand the functions, their arguments and shapes; `torch_functions` and `jax_functions`, which
-import those packages, put the kernels on their tapes.
-"""
+"""`runtime.torch` and `runtime.jax`: dynamics of one robot on arrays of either."""
 
 import importlib.util
 from abc import ABC, abstractmethod

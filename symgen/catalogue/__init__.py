@@ -1,11 +1,8 @@
 """The kernels of every robot, each with one line of algebra and one sentence.
 
-Batches run over time samples, over links (maps of one body) or over points of a time grid.
-
-The manifest lists kernels that a robot does not get, with what to use instead; a call of one at run
-time raises an error with that sentence. Straight-line code of second derivatives and of regressors
-grows with the square of the joints. A large robot has no kernels that others replace, and the
-longest of the rest have no vector code.
+The manifest lists kernels that a robot does not get, with what to use instead. Straight-line code
+of second derivatives and of regressors grows with the square of the joints: a large robot has no
+kernels that others replace, and the longest of the rest have no vector code.
 """
 
 from dataclasses import dataclass, field, replace
@@ -63,10 +60,7 @@ _NO_SUMS = {"loss_gradient": "use base_regressor, or a method on compressed data
 def shortened(
     chain: Chain, kernels: tuple[Kernel, ...]
 ) -> tuple[tuple[Kernel, ...], dict[str, str]]:
-    """Kernels of a large robot, the longest without vector code, and the omitted ones.
-
-    Kernels whose length grows with the joints alone keep their vector code, whatever their length.
-    """
+    """Kernels of a large robot, the longest without vector code, and the omitted ones."""
     if not chain.is_large:
         return kernels, {}
     sizes = {kernel.name: kernel.operations for kernel in kernels if not kernel.factors}

@@ -1,9 +1,7 @@
 """Kernels for the design of a motion: its bases, its limits with derivatives, bounds for proofs.
 
-The limits are those of torque and its rate, tip, and distances. Bounds hold on an interval of
-time, for proofs between samples. Distance kernels exist only where a robot has proxies. A design
-spends its time in other kernels, so most of these run sample by sample: vector code for them would
-double the build time.
+Distance kernels exist only where a robot has proxies. A design spends its time in other kernels, so
+most of these run sample by sample: vector code for them would double the build time.
 """
 
 from collections.abc import Container

@@ -1,8 +1,4 @@
-"""Kernels of one body, and of closed chains.
-
-Of a body: λ ↔ π, log-Cholesky ↔ π, pseudo-inertia and its barrier. Of closed chains: motion of all
-joints, Jacobian, margins of the loops.
-"""
+"""Kernels of one body (λ ↔ π, log-Cholesky, pseudo-inertia with barrier), and of closed chains."""
 
 from functools import partial
 

@@ -1,8 +1,6 @@
 """Kernels of the robot's motion: torques, regressors, mass matrix, springs, terms of controllers.
 
-Kernels of springs and torque curves exist only where a mechanism has any. Those of controllers are
-called once per period, so that no vector code is compiled for them. The units of joint quantities
-stand at the end.
+Those of controllers are called once per period, so that no vector code is compiled for them.
 """
 
 from collections.abc import Callable, Container

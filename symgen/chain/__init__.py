@@ -1,8 +1,4 @@
-"""URDF → frozen `Chain`: joints, placements, limits, inertials, gravity, lumped fixed bodies.
-
-`document` parses the XML, `normalise` locks, cuts and snaps it, and `reading` reads the result with
-pinocchio. CasADi and equations of motion are left to `symgen.mechanics`.
-"""
+"""URDF → frozen `Chain`: joints, placements, limits, inertials, gravity, lumped fixed bodies."""
 
 from symgen.chain.model import Chain, Joint
 from symgen.chain.normalise import ChainOptions, moving_joints

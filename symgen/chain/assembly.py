@@ -219,10 +219,7 @@ def _closed(tree: Tree, closures: list[Closure], start: Array, chosen: list[int]
 
 
 def _poses_beside(tree: Tree, closures: list[Closure], x: Array) -> list[Array]:
-    """Closed poses at a small distance from x, along directions that ∂φ/∂x leaves free.
-
-    A triangle of bars that lie on one line has such a direction and no such pose.
-    """
+    """Closed poses near x along free directions of ∂φ/∂x; bars on one line have none."""
     rng, poses = np.random.default_rng(0), []
     slope = tree.rows(closures, x)[1]
     free = np.linalg.svd(slope)[2][_rank(slope) :]

@@ -183,10 +183,7 @@ def numbers(text: str, count: int, what: str) -> np.ndarray:
 
 
 def first_element(text: str) -> str:
-    """Name of the first element of an XML text, which need not be well-formed; empty for none.
-
-    Comments, instructions and a DOCTYPE before it do not count.
-    """
+    """Name of the first element of an XML text, which may be malformed; empty for none."""
     match = _FIRST.match(text)
     return match[1] if match else ""
 

@@ -54,10 +54,7 @@ class Loop(Record, frozen=True):
 
 
 class Spring(Record, frozen=True):
-    """A spring with potential k (x − rest)² / 2 and the drives' torque k (x − rest) ∂x/∂q.
-
-    x = Σ of[m] x_m, or the distance of a point of `parent` from a point of `child`.
-    """
+    """A spring with potential k (x − rest)² / 2; x = Σ of[m] x_m, or a distance of points."""
 
     name: str  # name of its friction column, `spring:NAME`
     # joint → factor; empty for a spring between points

@@ -94,10 +94,7 @@ class Turn:
 
 @dataclass(frozen=True, slots=True)
 class Loops:
-    """All loop joints of a chain and the choice of coordinates.
-
-    x are the coordinates of the chain without its loops: all joints, or those that couplings leave.
-    """
+    """Loop joints and the choice among x, the coordinates of the chain without its loops."""
 
     closures: tuple[Closure, ...]  # the loop joints
     independent: tuple[int, ...]  # (n,) places in x of q, in the order of q

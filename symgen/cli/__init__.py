@@ -64,10 +64,7 @@ def start(program: typer.Typer) -> None:
 
 
 def installation(extra: str) -> str:
-    """Command that installs an extra.
-
-    In a clone it names the clone: an index need not have this version, or has another project.
-    """
+    """Command that installs an extra, in a clone from the clone: an index may lack the version."""
     clone = Path(__file__).resolve().parents[2]
     source = clone if (clone / "pyproject.toml").is_file() else "symgen"
     return f"pip install {'' if source == 'symgen' else '-e '}{shlex.quote(f'{source}[{extra}]')}"

@@ -150,8 +150,7 @@ def _row(
 ) -> Matrix:
     """n · ∂P/∂q_j for joints of `first` only, −n · ∂Q/∂q_j for joints of `second` only.
 
-    n · (z × (P − o)) = z · (P × n) − n · (z × o). The line through P along n also goes through Q,
-    so one moment P × n serves both.
+    n · (z × (P − o)) = z · (P × n) − n · (z × o), and P × n = Q × n as n is along PQ.
     """
     row: list[Matrix] = []
     for j, frame in enumerate(frames):

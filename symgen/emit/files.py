@@ -360,10 +360,7 @@ def renderer() -> Callable[[str, dict[str, Any]], str]:
 
 
 def in_comment(name: str) -> str:
-    """Name within a comment of C.
-
-    `*/` ends a comment; so do its spellings by a trigraph (`??/` is a backslash) and a line splice.
-    """
+    """Name in a comment of C, which `*/`, its trigraph (`??/`) or a line splice would end."""
     return re.sub(r"[*?\\]|[^\S ]|[^\w\s!-~]", "_", name)
 
 

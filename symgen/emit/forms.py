@@ -110,10 +110,7 @@ def _product_program(kernel: Kernel, p: Product, tiles: dict[str, TileProgram]) 
 
 
 def compositions(kernels: Kernels) -> list[Kernel]:
-    """Return the kernels that are calls of other kernels.
-
-    A kernel whose parts are not all in the catalogue is written out instead, and is not returned.
-    """
+    """Kernels that are calls of others; one with a part that the catalogue lacks is none."""
     return [k for k in kernels.values() if is_composed(k, kernels)]
 
 
@@ -138,10 +135,7 @@ def composed_body(prefix: str, kernel: Kernel, kernels: Kernels) -> list[str]:
 def _composed_program(
     robot: str, kernel: Kernel, kernels: Kernels, tiles: dict[str, TileProgram]
 ) -> TileProgram:
-    """Tile form of a composition; the maps are computed once per batch.
-
-    `u` holds the mapped value, followed by what the last kernel prepares.
-    """
+    """Tile form of a composition: `u` is the mapped value, then what the last kernel prepares."""
     *maps, last = (kernels[name] for name in kernel.through)
     inner, size = tiles[last.name], last.inputs[-1].size if maps else 0
     image, rest = ("u", f"u + {size}") if maps else (kernel.inputs[-1].name, "u")

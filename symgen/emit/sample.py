@@ -80,8 +80,7 @@ class Parts:
 def c_body(kernel: Kernel, numbers: Numbers = DOUBLE) -> list[str]:
     """C statements of one kernel: constants, outputs by index.
 
-    A value that is read once and has a short text stands where it is read, in parentheses; each of
-    the others is one `const double`. A compiler takes a fifth less time than with a name for each.
+    A short value that is read once stands where it is read: a compiler takes a fifth less time.
     """
     reads = _reads(kernel)
     text: dict[int, str] = {}

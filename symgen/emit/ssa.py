@@ -232,10 +232,7 @@ class _TileWriter:
         return self._operand(self._inverses[operand], shared, ca.OP_MUL)
 
     def _sine_or_cosine(self, op: int, operand: str, k: int) -> str:
-        """Sine and cosine together, since a body nearly always needs both.
-
-        Those of an input are read from `sc`, where a caller may have stored them.
-        """
+        """Sine and cosine together, which nearly all bodies need; those of an input from `sc`."""
         argument = _INPUT.fullmatch(operand)
         if argument and self._turned in {"", argument["name"]}:
             self._turned = argument["name"]
@@ -270,11 +267,7 @@ _LOCAL = re.compile(r"(?:t|sc|inv)\d+\b")
 
 
 def scheduled(statements: list[Statement]) -> list[Statement]:
-    """Return the statements in an order that respects their dependences.
-
-    The order is kept if the longest chain of dependent statements takes less than half of the time
-    of issuing all of them.
-    """
+    """Statements in an order that respects their dependences; short chains keep the given one."""
     nodes = _nodes(statements)
     for node in reversed(nodes):
         node.height = node.latency + max((nodes[k].height for k in node.feeds), default=0)

@@ -109,11 +109,7 @@ def _unit_bodies(text: str) -> Document:
 
 
 def lumping(model: Model, chain: Chain, links: list[str]) -> Array:
-    """T: π of the moving links from π of the links as written.
-
-    P of a body fixed at the pose H = [R p; 0 1] of its carrier is H P Hᵀ there. Links that are
-    fixed to the base have zero columns.
-    """
+    """T: π of the moving links from π of all links, P → H P Hᵀ at the poses H; 0 on the base."""
     matrix = np.zeros((_P * len(chain.joints), _P * len(links)))
     for row, joint in enumerate(chain.joints):
         for name, pose in model.poses(joint.link).items():

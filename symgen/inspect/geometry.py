@@ -1,17 +1,12 @@
 """Volume and extent of a link's shapes: primitives in closed form, meshes by their convex hull.
 
-Meshes are searched outside the folder of the model too, since packages keep theirs elsewhere; only
-their shape is reported.
-
-The volume of the hull is at least that of the part, watertight or not. coal (in the `pin` wheel)
-loads STL, DAE and OBJ. Overlapping shapes count twice, so the density is approximate. Assimp, with
-which coal loads meshes, reads a list of indices of a COLLADA file until it has as many numbers as
-the file announces. A character that is not a digit stops its position, but not its loop: such files
-are refused before (`is_sound`).
+The volume of the hull is at least that of the part, watertight or not. Overlapping shapes count
+twice, so the density is approximate. Assimp, with which coal loads meshes, reads a list of indices
+of a COLLADA file until it has as many numbers as the file announces; a character that is not a
+digit stops its position, but not its loop: such files are refused before (`is_sound`).
 
 Links that are fixed to each other are one body; motion and simulators depend on their sum only:
-P = Σ_k T_k P_k T_kᵀ,  T_k from the frame of link k to that of the heaviest one. Files divide one
-part into several links (a drive, its cover, a camera), with placeholders of a gram in some of them.
+P = Σ_k T_k P_k T_kᵀ,  T_k from the frame of link k to that of the heaviest one.
 """
 
 import math

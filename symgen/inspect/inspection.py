@@ -61,11 +61,7 @@ def inspect_file(
     arguments: Mapping[str, str] | None = None,
     chosen: str | None = None,
 ) -> Inspection:
-    """Read and check a robot file that `build` reads: URDF, xacro, MJCF, SDF, TOML of DH rows.
-
-    Base parameters are the only part that takes seconds. package:// meshes are searched in
-    `packages` too; a file with several robots needs the name of one.
-    """
+    """Read and check a robot file that `build` reads: URDF, xacro, MJCF, SDF, TOML of DH rows."""
     text, kind = urdf_text(path), path.suffix.removeprefix(".")
     form = kind if kind in {"xacro", "toml"} else first_element(text)
     if form == "mujoco" and chosen is None and not arguments:

@@ -1,8 +1,6 @@
 """Contents of a robot model file: links with inertials and shapes, joints, findings.
 
-Nothing is rejected here. `reading` fills it, the checks test it, `inspection` reports it.
-Inertias are about the centre of mass in the axes of the link; π, P and the rest come from
-`symgen.mechanics`.
+Nothing is rejected here. Inertias are about the centre of mass in the axes of the link.
 """
 
 from dataclasses import dataclass, field

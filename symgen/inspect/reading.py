@@ -1,11 +1,7 @@
 """URDF or MJCF → `Model`, tolerant: what cannot be read becomes a finding, and reading goes on.
 
-A URDF must be XML without DTD, entities and xacro. `symgen.chain` requires the rest when a library
-is built.
-
-MJCF is compiled by MuJoCo. A compiled model has all inertials, including those that MuJoCo
-infers from geoms. MuJoCo's compiler rejects inconsistent inertias; then the inertials written in
-the file are checked.
+MJCF is compiled by MuJoCo, whose model has the inertials that it infers from geoms. Its compiler
+rejects inconsistent inertias; then the inertials written in the file are checked.
 """
 
 from pathlib import Path

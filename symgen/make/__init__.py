@@ -1,7 +1,4 @@
-"""The build: from a request to a compiled library.
-
-Here are the names and files of the robots that come with symgen; nothing of the build is imported.
-"""
+"""The build: from a request to a compiled library; here the robots that come with symgen."""
 
 from pathlib import Path
 

@@ -154,11 +154,7 @@ def accepts_level(compiler: tuple[str, ...], level: str) -> bool:
 def how_to_compile(
     once: Sequence[str], per_level: Sequence[str] = (), unhurried: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """Flags of all files, groups of files with further flags, and flags of the link; JSON-ready.
-
-    A group has the level that it belongs to, the machine that it is for ("" means all), flags
-    that only GCC takes, and flags that are added where a better level is compiled as well.
-    """
+    """Flags of all files, of groups by level and machine, and of the link; JSON-ready."""
 
     def group(sources: Sequence[str], flags: Sequence[str], level: str = "", of: str = "") -> Any:
         plain = GCC_PLAIN if level else GCC_ONCE

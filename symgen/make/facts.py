@@ -1,8 +1,4 @@
-"""Facts of a robot for its manifest, and notes of a build for the user.
-
-The manifest has all that run time needs to know; the notes say what was lumped, cut off, assumed,
-coupled or rounded.
-"""
+"""Facts of a robot for its manifest, and notes of a build for the user."""
 
 import hashlib
 from collections.abc import Mapping

@@ -254,11 +254,7 @@ def _write_errors(folder: Path) -> Iterator[None]:
 
 
 def replace_folder(new: Path, old: Path) -> None:
-    """Put a folder in the place of another; files that only the old one has are kept.
-
-    On Linux the two names are exchanged atomically (renameat2). Elsewhere, or on a file system
-    without it, two renames follow each other, and the first is undone if the second fails.
-    """
+    """Put a folder in the place of another, whose further files stay; atomic on Linux."""
     if not old.exists():
         new.rename(old)
         return

@@ -190,10 +190,7 @@ def _independent(unit: Array, order: list[int], rank: int) -> list[int]:
 
 
 def _tidied(matrix: Array) -> Array:
-    """K with zeros and short decimals (products of the URDF's lengths) freed from rounding error.
-
-    Makes K the same on every machine where the geometry is given in decimals.
-    """
+    """K without rounding in zeros and short decimals, so that it is the same on all machines."""
     rounded = np.round(matrix, _SNAP_DIGITS) + 0.0
     close = np.abs(matrix - rounded) < _SNAP_WITHIN * np.maximum(1.0, np.abs(matrix))
     return np.where(close, rounded, matrix)

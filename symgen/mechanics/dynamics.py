@@ -155,20 +155,14 @@ def _euler_moment(inertia: Matrix, w: Matrix, al: Matrix, u: Matrix) -> Matrix:
 def regressor(
     chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix, columns: tuple[int, ...] | None = None
 ) -> Matrix:
-    """Y = ∂τ/∂π, (n, 10 L), with τ = Y π (Eq. 3.1).
-
-    Differentiating the linear function costs no more operations than a hand-written regressor.
-    """
+    """Y = ∂τ/∂π, (n, 10 L) (Eq. 3.1), by differentiation, as cheap as written by hand."""
     return by_parameters(chain, lambda pi: inverse_dynamics(chain, q, dq, ddq, pi), columns)
 
 
 def by_parameters(
     chain: Chain, linear: Callable[[Matrix], Matrix], columns: tuple[int, ...] | None = None
 ) -> Matrix:
-    """∂f/∂π, (m, 10 L), of a function (10 L,) → (m,) that is linear in π.
-
-    Entries of π outside `columns` are structural zeros, so they cost no operations.
-    """
+    """∂f/∂π (m, 10 L) of a linear f(π); entries beside `columns` are structural zeros."""
     pi = ca.SX.sym("pi", N_PARAMETERS * len(chain.joints))
     if columns is None:
         return ca.jacobian(linear(pi), pi)

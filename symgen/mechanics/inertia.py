@@ -150,12 +150,7 @@ def principal_sigma(pi: Matrix) -> tuple[Matrix, Matrix, Matrix, Matrix, Matrix]
 
 
 def lam_from_pi(pi: Matrix) -> Matrix:
-    """λ from π; eigenvalues of I_com ascending, so a ≥ b ≥ c ≥ 0.
-
-    A body that is not density realisable has no λ: the affected entries are NaN. Callers turn them
-    into an error that offers `nearest_realisable`.
-    Source: Eqs. 4.18–4.23 with the rule of Table B.5 (errata).
-    """
+    """λ from π, a ≥ b ≥ c ≥ 0, NaN where not realisable. Eqs. 4.18–4.23, Table B.5 (errata)."""
     mass, com, rotation, sigma, trace = principal_sigma(pi)
     rounding = REALISABLE_TOLERANCE * trace + SHIFT_TOLERANCE * mass * ca.sumsqr(com)
     clipped = [

@@ -2,9 +2,8 @@
 
 φ are rows of the poses of the loop joints' frames. Newton goes from the assembly pose along a
 straight line to q, or from the positions of the last sample. Joints that turn without end take the
-line to q less whole turns; dependent joints that turn with them, a whole number of times per turn,
-follow:  d(q + 2π e_i) = d(q) + 2π w_i. A pose that does not close, or whose margin has fallen on
-the way, gives NaN: its branch would be unknown.
+line to q less whole turns; dependent joints follow:  d(q + 2π e_i) = d(q) + 2π w_i. A pose that
+does not close, or whose margin has fallen on the way, gives NaN: its branch would be unknown.
 
 Its linear systems are solved by rotations of rows, without pivots and branches: Q A = U, an upper
 triangle of positive diagonal but for its last entry, which has the sign of det A. Source: Golub &

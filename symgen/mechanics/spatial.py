@@ -79,10 +79,7 @@ def _shepperd_quaternion(rotation: Matrix) -> Matrix:
 
 
 def log_so3(rotation: Matrix) -> Matrix:
-    """ω with exp(ω) = R and 0 ≤ |ω| ≤ π, through the quaternion: θ = 2 atan2(|v|, w).
-
-    At θ = π, where ω and −ω are the same rotation, the first non-zero component is positive.
-    """
+    """ω with exp(ω) = R, |ω| ≤ π, by the quaternion; at π the first non-zero entry is above 0."""
     quaternion = _shepperd_quaternion(rotation)
     w, v = quaternion[0], quaternion[1:4]
     first = v[2]

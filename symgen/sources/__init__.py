@@ -167,11 +167,7 @@ def urdf_text(path: Path) -> str:
 
 
 def published_urdf(name: str) -> Path:
-    """URDF of a published robot such as "panda", "talos_full_v2" or "go2".
-
-    A module of robot_descriptions (`NAME` or `NAME_description`) goes first, then the files of
-    example-robot-data: a URDF or a folder of this name.
-    """
+    """URDF of a published robot, of robot_descriptions first, else of example-robot-data."""
     module = _from_robot_descriptions(name)
     if module is not None:
         return module

@@ -3,8 +3,7 @@
 MuJoCo opens what `file` attributes name, however large, and waits at a pipe for ever. Before it
 does, every file that exists must be a regular one of bounded size, in included files too.
 Attributes are searched in the text: MuJoCo accepts files that are not well-formed XML. Its compiler
-runs in a process of its own: a height field or a replicate takes memory without end, and a fault of
-it ends that process.
+runs in a process of its own, as a height field or a replicate takes memory without end.
 """
 
 import re

@@ -249,10 +249,7 @@ class PlacedBox:
         return axes, poses.placed(self.joint, self.center)
 
     def nearest(self, poses: Poses, ends: Array) -> tuple[Array, Array, Array]:
-        """Distance (N,), point of the axis, and direction of axes with ends (N, 2, 3) from the box.
-
-        Inside the box an axis has no direction: no slope, and the distance is 0.
-        """
+        """Distance (N,), point and direction of axes with ends (N, 2, 3) from the box; 0 inside."""
         if self.joint < 0:
             axes, center = self.rotation, self.center
             local = (ends - center) @ axes

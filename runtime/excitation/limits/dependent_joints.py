@@ -74,10 +74,7 @@ class DependentJoints:
 
 @dataclass(frozen=True, slots=True)
 class DependentLimit:
-    """Ends of the position or the velocity of R dependent joints, upper ones first.
-
-    An infinite end has no row. The units of g are the way from home to the end, or the limit.
-    """
+    """Finite ends of position or velocity of R dependent joints, upper ones first."""
 
     even: ClassVar[bool] = True
     precision: ClassVar[tuple[float, float]] = SMOOTH

@@ -148,10 +148,7 @@ def unit_of(constraint: Constraint, share: float) -> float:
 
 
 class LimitRows:
-    """Values g(a) of constraints on a grid, (R, N) per constraint, one after another.
-
-    With a share, g is in units of the share: (use − share) / share.
-    """
+    """Values g(a) of constraints on a grid, (R, N) each; of a share (use − share) / share."""
 
     def __init__(
         self,

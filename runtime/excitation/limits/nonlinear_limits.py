@@ -2,13 +2,11 @@
 
 Every constraint takes a motion (4, N, n), that is q, dq, ddq, dddq at N samples, and returns
 g (N, R) of its R rows and ∂g/∂(q, dq, …) of as many orders as it reads. g is use − 1: it vanishes
-on the limit and is −1 or less far from it. The physics comes from the robot's kernels.
+on the limit and is −1 or less far from it.
 
 | constraint | row | g |
 |---|---|---|
 | braking | joint and side | (max(0, ±dq + c)² − k (q̂ ∓ q)) / (k · room at rest at home) |
-
-Constraints of torques are in `torque_limits`, those of places and distances in `distance_limits`.
 
 Between samples, a distance of two rigid bodies changes no faster than their points move against
 each other. Joints that move both bodies leave the distance, and each of the others moves a point at
@@ -170,10 +168,7 @@ class TimedConstraint(Constraint, Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """Braking towards one end of the range: max(0, s dq + c)² ≤ k (s q̂ − s q), (n,) each.
-
-    s is +1 for the upper ends and −1 for the lower ones; an infinite end has no limit.
-    """
+    """Braking towards the end of side s = ±1: max(0, s dq + c)² ≤ k (s q̂ − s q), (n,) each."""
 
     sign: float
     k: Array
@@ -183,10 +178,7 @@ class Side:
 
 @dataclass(frozen=True, slots=True)
 class Braking:
-    """Velocity limits that fall towards the ends of the range, convex in q and dq.
-
-    g is scaled by the room at home: 0 % is used at rest there, as with position limits.
-    """
+    """Velocity limits that fall towards the ends of the range; rest at home uses 0 % of them."""
 
     kind: ClassVar[str] = "braking"
     orders: ClassVar[int] = 2

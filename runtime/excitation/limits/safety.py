@@ -1,10 +1,7 @@
 """What a design keeps beyond position, velocity and acceleration: numbers of `Safety`.
 
-By default all that the manifest of the robot states: position-dependent velocity, torque, torque
-rate, tip speed and the margins of its pairs of proxies. A table, a box of the tip and obstacles on
-request.
-
-A certificate does not check what neither states; an export needs consent for it (`unchecked`).
+By default all that the manifest of the robot states; a table, a box of the tip and obstacles on
+request. A certificate does not check what neither states; an export needs consent for it.
 """
 
 from collections.abc import Collection

@@ -2,14 +2,10 @@
 
 The functions φ of s = t/t_f vanish at both ends with two derivatives. On request the third
 derivative vanishes at both ends too; the polynomials gain two degrees then. Another package adds a
-basis by an entry point of the group "symgen.bases". Motions can be joined one after another, each
-from the rest in which the one before ends.
+basis by an entry point of the group "symgen.bases". With w = 2πm and u = s(1−s):
 
-Cosines, and cosines with sines, whose polynomials bring both ends to rest.
-
-With w = 2πm and u = s(1−s):
-cosine   cos ws − 1 + ½w² u² (Eqs. 3.24–3.27), its own mirror image about t_f/2: out and back
-fourier  the cosines, then sin ws − w (s − 10s³ + 15s⁴ − 6s⁵)
+    cosine   cos ws − 1 + ½w² u² (Eqs. 3.24–3.27), its own mirror image about t_f/2: out and back
+    fourier  the cosines, then sin ws − w (s − 10s³ + 15s⁴ − 6s⁵)
 """
 
 from dataclasses import dataclass, replace

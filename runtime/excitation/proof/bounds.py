@@ -62,10 +62,7 @@ _ORDERS = len(KINDS) + 2
 
 
 def joint_bounds(lib: Library, trajectory: Trajectory) -> tuple[Array, Array]:
-    """Proven bounds of position, velocity, acceleration and jerk.
-
-    Half of a motion is evaluated where it is its own mirror image about t_f / 2.
-    """
+    """Proven bounds of position to jerk; of a motion that is its own mirror image, of one half."""
     _require_shapes(lib, trajectory)
     a, basis = trajectory.coefficients, trajectory.basis
     # A grid of `count` short intervals of length `step` in s = t/t_f.
@@ -290,10 +287,7 @@ def _phi(basis: Basis, size: int, first: int, last: int, count: int) -> Array:
 def constraint_bounds(
     lib: Library, constraints: Sequence[Braking | TimedConstraint], trajectory: Trajectory
 ) -> tuple[ConstraintBound, ...]:
-    """Bounds of the rows of all constraints.
-
-    Half of a motion is evaluated where it is its own mirror image, for braking in both directions.
-    """
+    """Bounds of the rows of all constraints; of a motion that is its own mirror image, half."""
     grid = MotionGrid(trajectory)
     peaks = [Peaks(constraint, _is_proven(lib, constraint)) for constraint in constraints]
     mirrored = trajectory.basis.is_symmetric

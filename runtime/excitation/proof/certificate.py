@@ -1,9 +1,7 @@
 """Bounds of a trajectory against the limits of the robot for every instant, not only at samples.
 
-Position, velocity, acceleration and jerk: `joint_bounds`, proven. Limits that are not linear in
-the motion: `constraint_bounds`, which states what is proven there. A motion with its certificate
-is passed on to plots, tables and exports; the same path at another speed, and motions scaled back
-onto the limits that they touch, are further ones.
+The same path at another speed, and motions scaled back onto the limits that they touch, are further
+motions with a certificate.
 """
 
 from dataclasses import dataclass, replace

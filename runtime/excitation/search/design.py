@@ -4,15 +4,13 @@ Ended starts are tried in an order: among nearly equal ones the most balanced co
 
     max over i of (log f_i − min over the nearly equal starts of log f_i),   f = v, a, cond
 
-A weighted criterion is nearly the same for starts of which one is good in v alone, one in cond
-alone. The start whose worst quantity is closest to the best of its kind loses least in any of them.
+since a weighted criterion is nearly the same for starts of which one is good in v alone, one in
+cond alone.
 
 Several motions that share a time are designed one by one, each with what those before it determine:
 min over motion k of f(G₀ + G_1 + … + G_k), G_i the information of motion i over β, f the criterion,
-G_0 that of earlier logs. A later motion excites what the first ones left open. Friction and offsets
-are estimated for every log apart, which counts them more often than a fit of all logs does.
-
-Tasks run in turn, on several processes or on a dask cluster, with the same results.
+G_0 that of earlier logs. Friction and offsets are estimated for every log apart, which counts them
+more often than a fit of all logs does.
 """
 
 import os

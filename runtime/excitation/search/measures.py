@@ -47,10 +47,7 @@ def schatten(power: float) -> SpectralFunction:
 
 
 def normalised(criterion: SpectralFunction) -> Measure:
-    """Function of the eigenvalues of C as a function of G.
-
-    Columns without full rank, to rounding, count as λ = n_b ε λ_max.
-    """
+    """f of the eigenvalues of C as a function of G; without full rank λ counts as n_b ε λ_max."""
 
     def measure(gram: Array) -> tuple[float, Array]:
         size = np.sqrt(np.diag(gram))
@@ -79,10 +76,7 @@ def covariance(gram: Array) -> Array | None:
 
 
 def log_variance(seen: Array) -> Measure:
-    """Measure ½ log tr(Q G⁻¹): log of an RMS error of torque, or with a diagonal Q of parameters.
-
-    Infinite where G does not have full rank; then there is no slope.
-    """
+    """½ log tr(Q G⁻¹), the log of an RMS error of torque or parameters; ∞ without full rank."""
     return log_variances((1.0, seen))
 
 

@@ -82,10 +82,7 @@ def unseen(
 
 
 def _shows_all(lib: Library, settings: DesignSettings) -> bool:
-    """Whether a random motion determines all unknowns, with the friction of the search and without.
-
-    The first Gram matrix is that of the search, the second that of the printed criteria.
-    """
+    """Whether a random motion determines all unknowns, with the friction of a search or none."""
     search = Search(lib, settings)
     gram = search.cost.correlations(search.guess(0)[None])[0]
     if rank(gram) < len(gram):

@@ -149,10 +149,7 @@ Column = tuple[str, str, bool]
 
 
 def tables(experiment: Experiment, view: View) -> Iterator[Table]:
-    """Tables of a view: one per group of methods that share metrics.
-
-    π, λ and β, for example, share none. Bars have no table of their own.
-    """
+    """Tables of a view, one per group of methods that share metrics; bars have none."""
     if view.kind == "bars":
         return
     for methods in _families(experiment, view):

@@ -46,10 +46,7 @@ from runtime.recording import Recording
 
 
 def band(rows: Sequence[Row], case: str, method: str, every: int, last: int) -> dict[str, Array]:
-    """Mean and standard deviation of the AIRM over the iterations.
-
-    A trial that has ended keeps its last value.
-    """
+    """Mean and σ of the AIRM over the iterations; a trial that has ended keeps its last value."""
     chosen = [row for row in rows if row["case"] == case and row["method"] == method]
     grid = np.arange(0, last + 1, every)
     lines = np.empty((len(chosen), grid.size))

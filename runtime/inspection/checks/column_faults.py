@@ -1,8 +1,5 @@
 """Columns of q, dq and τ that belong to another joint or have the opposite sign.
 
-The faults are compared in `runtime.estimators.column_faults`; this check corrects the plan, and
-states which signs and exchanges the log does not show.
-
 The order of all joints is checked by their limits and the gravity torque,
 
     E(P) = (1 − c²)^½,  c the cosine between τ_P and the model's gravity torque at q_P
@@ -94,10 +91,7 @@ def _orders(n: int) -> itertools.chain | itertools.permutations:
 
 
 def beyond_limits(q: Array, lib: Library) -> Array:
-    """Distance by which each column exceeds the limits of each joint.
-
-    q (N, n) [rad, m] → (columns, joints) [rad, m].
-    """
+    """Distance of each column of q (N, n) beyond the limits of each joint, (columns, joints)."""
     limits = lib.limits()
     low, high = q.min(axis=0)[:, None], q.max(axis=0)[:, None]
     upper = np.where(np.isfinite(limits["upper"]), limits["upper"], 4 * np.pi)

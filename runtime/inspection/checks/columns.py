@@ -153,9 +153,7 @@ def _poses(rows: FloatArray, taken: set[int]) -> list[set[int]]:
 
 
 def _starts(rows: FloatArray, joints: int, taken: set[int]) -> list[int]:
-    """First columns of the blocks; constant columns lie between blocks, or else inside them, or
-    beside columns that are too few for a block.
-    """
+    """First columns of the blocks, between constant columns or whole runs of other columns."""
     constant = set(np.flatnonzero(np.ptp(rows, axis=0) == 0).tolist())
     for apart, least in ((taken | constant, 0), (taken, 0), (taken | constant, joints)):
         runs: list[list[int]] = [[]]

@@ -65,11 +65,7 @@ def commanded(recording: Recording, plan: Recipe) -> list[Finding]:
 
 
 def law_gain(recording: Recording, lib: Library, plan: Recipe) -> tuple[Recipe, list[Finding]]:
-    """Gains of the law that carry the links of the URDF, all by one factor c.
-
-    Measured: τ_law = Y π0 / c + F φ in least squares, with one c for all joints, and how much the
-    joints differ.
-    """
+    """Gains that carry the links of the URDF: τ_law = Y π0 / c + F φ with one c for all joints."""
     law = plan.law
     if law is None or not isinstance(law.kp, float | tuple):
         return plan, []
@@ -166,10 +162,7 @@ def delay_of_measured(
 def delay(
     recording: Recording, lib: Library, plan: Recipe, terms: Friction
 ) -> tuple[Recipe, list[Finding]]:
-    """Delay of a commanded torque behind its stamp.
-
-    Measured: profile of the loss over the delay, with the links of the URDF and free drives.
-    """
+    """Delay of a commanded torque by the loss over the delay, links of the URDF, drives free."""
     seen = recorded_delay(recording, lib, plan.preparation, terms)
     value = seen.delay_s
     finding, within = _delay(seen, "commanded", ", or take the delay from the driver")
@@ -196,10 +189,7 @@ def delay(
 
 @dataclass(frozen=True, slots=True)
 class Shares:
-    """Median of ‖rest_j‖/‖τ_j‖ over the moving joints, and rotor inertia (n,) [kg·m², kg].
-
-    The median leaves out a gripper that presses against its stop.
-    """
+    """Median ‖rest_j‖/‖τ_j‖ of moving joints, robust to a gripper at its stop; rotors [SI]."""
 
     links: float
     friction: float
@@ -208,11 +198,7 @@ class Shares:
 
 
 def rotor(recording: Recording, lib: Library, plan: Recipe, terms: Friction) -> list[Finding]:
-    """Rotors and friction that take most of the torque.
-
-    Measured: share of the torque that the links of the URDF leave, alone, with friction and with
-    rotor inertia as well.
-    """
+    """Rotors and friction that take most of the torque which the links of the URDF leave."""
     shares = shares_of(recording, lib, plan.preparation)
     if shares is None or shares.links < DOMINANT or shares.drives > (1 - REMOVED) * shares.links:
         return []

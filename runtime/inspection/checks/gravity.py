@@ -140,11 +140,7 @@ class SignTrial:
 
 
 def gravity(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]:
-    """Sign of τ and of gravity together, and gravity off the model's axis.
-
-    Measured: slope on the gravity torque and sign of friction; else the residual of consistent
-    bodies for two signs of τ and three of gravity.
-    """
+    """Sign of τ and of gravity by friction, else by the residual of consistent bodies; its axis."""
     evidence_of_joints = torque_evidence(torque_rows)
     if evidence_of_joints.gravity_is_against and evidence_of_joints.friction_sign:
         return _by_friction(torque_rows.lib, plan, evidence_of_joints)

@@ -1,8 +1,6 @@
 """Checks of the torque against a fit of the robot's model, once units, signs and order are right.
 
-The residual of least squares on base parameters and friction, W x = T, shows a torque that no
-bodies of this robot explain, a tool that the model lacks, gears that couple joints, the gain of one
-joint, another robot, and a torque that no sensor has measured.
+The residual of least squares on base parameters and friction, W x = T, is compared with causes.
 """
 
 from dataclasses import dataclass
@@ -90,11 +88,7 @@ def unexplained(
 
 
 def _median_misfit(torque_rows: TorqueRows, matrix: Array) -> float:
-    """Residual over torque of joints that are fitted one by one, median of the joints.
-
-    Gains that are unknown scale the rows of each joint, so that joints share no parameters. The
-    rows of a joint at rest are left out: Coulomb friction may take any value there.
-    """
+    """Residual over torque, median of joints fitted one by one: unknown gains share nothing."""
     s = torque_rows.samples
     of_joints = matrix.reshape(*s.tau.shape, -1)
     shares = []
@@ -112,10 +106,7 @@ def _median_misfit(torque_rows: TorqueRows, matrix: Array) -> float:
 
 
 def tool(torque_rows: TorqueRows) -> list[Finding]:
-    """A body at the last link that the URDF lacks, or has too much.
-
-    Measured: ten parameters of the last link, of either sign, fitted to the residual of the URDF.
-    """
+    """A body at the last link that the URDF lacks, or has too much, of either sign of mass."""
     s, lib = torque_rows.samples, torque_rows.lib
     n = lib.n_joints
     last = lib.regressor(s.q, s.dq, s.ddq)[:, :, -N_PARAMETERS:].reshape(len(s) * n, N_PARAMETERS)
@@ -236,10 +227,9 @@ def _drive(dq: Array, ddq: Array) -> Array:
 
 
 def explained(torque_rows: TorqueRows, fit: UnconstrainedFit) -> list[Finding]:
-    """Gain of a joint, tilt of the base or encoder zero that explains what the fit leaves.
+    """Gain of a joint, tilt or encoder zero that explains what the fit leaves.
 
-    The comparison of all causes needs no URDF; a gain must be that of the slope of τ on the torque
-    of the URDF, too.
+    The comparison of causes needs no URDF; a gain must be that of the slope on it, too.
     """
     lib, s = torque_rows.lib, torque_rows.samples
     power = fit.rest.reshape(-1, lib.n_joints).var(axis=0)

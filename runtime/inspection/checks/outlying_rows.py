@@ -123,10 +123,7 @@ def _outliers(values: Array) -> NDArray[np.bool_]:
 
 
 def _beyond_effort(tau: Array, lib: Library) -> NDArray[np.bool_]:
-    """Torques beyond the limit of effort and far beyond all others of their joint, (N, n).
-
-    The second condition holds in every unit of the log, which is not known yet.
-    """
+    """Torques beyond effort and all others of their joint, (N, n), whatever the unit."""
     low, high = np.quantile(tau, [MOST_OUTLIERS / 2, 1.0 - MOST_OUTLIERS / 2], axis=0)
     far = (tau > high + (high - low)) | (tau < low - (high - low))
     return np.asarray(far & (np.abs(tau) > BEYOND * lib.limits()["effort"]))
@@ -161,9 +158,7 @@ def _returns(there: float, back: float) -> bool:
 
 
 def _bursts(rows: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First and one past the last row of every burst; bursts of three and more gain two rows at
-    both ends, where values are off by less than the threshold.
-    """
+    """First and one past the last row of every burst; long ones gain two rows at both ends."""
     places = np.flatnonzero(rows)
     groups = np.split(places, np.flatnonzero(np.diff(places) > APART) + 1)
     bursts = []
@@ -186,11 +181,7 @@ def _sentence(key: str, values: Array, mark: NDArray[np.bool_], lib: Library) ->
 
 
 def frozen(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, list[Finding]]:
-    """Intervals in which signals of all joints keep their value to the last bit, though the arm
-    moves.
-
-    Measured: the step of q after the interval, or the motion that the other signals show.
-    """
+    """Intervals in which signals of all joints keep their value, though q or others move on."""
     if len(recording) < FROZEN_ROWS:
         return plan, []
     slowest = rest_speeds(lib)

@@ -48,11 +48,7 @@ LITTLE = 0.1
 
 
 def saturation(recording: Recording, lib: Library) -> list[Finding]:
-    """Torques cut off by the drive or logger, and positions at the ends of their range.
-
-    Measured: rows in runs of `FLAT_ROWS` equal extreme torques while the arm moves; peak torque
-    over the limit of effort; share of the rows within `AT_END` of the end of the range.
-    """
+    """Torques cut off in runs of `FLAT_ROWS`, peaks near the effort, positions at an end stop."""
     findings, names = [], lib.joint_names
     moving = moving_joints(recording, lib)
     if recording.tau is not None:
@@ -92,10 +88,7 @@ def saturation(recording: Recording, lib: Library) -> list[Finding]:
 
 
 def still_joints(recording: Recording, lib: Library) -> list[Finding]:
-    """Joints that do not move in the whole log.
-
-    Measured: travel of every joint, below `still_travels` by noise and vibration alone.
-    """
+    """Joints whose travel in the whole log is that of noise, below `still_travels`."""
     still = np.flatnonzero(np.ptp(recording.q, axis=0) < still_travels(lib))
     if not still.size:
         return []
@@ -115,10 +108,7 @@ def still_joints(recording: Recording, lib: Library) -> list[Finding]:
 
 
 def constant_torque(recording: Recording, lib: Library) -> list[Finding]:
-    """Torques that keep one value while their joint moves.
-
-    Measured: range of τ over the rows in which the joint moves; friction alone changes it there.
-    """
+    """Torques that keep one value while their joint moves, which friction alone changes."""
     if recording.tau is None or not recording.tau.any():
         return []
     moves = moving_joints(recording, lib)
@@ -151,11 +141,7 @@ def unsigned_torque(recording: Recording) -> list[Finding]:
 
 
 def rest(recording: Recording, plan: Recipe, lib: Library) -> list[Finding]:
-    """Intervals in which no joint moves.
-
-    Measured: share of the rows in which every joint is slower than `rest_speeds`. There the
-    friction torque lies anywhere between its bounds, and the sign of dq is noise.
-    """
+    """Share of rows in which no joint moves: friction is undetermined, the sign of dq noise."""
     still = ~moving_joints(recording, lib).any(axis=1)
     share, spans = float(still.mean()), rest_spans(recording, lib)
     if share < REST_SHARE or not spans or (np.ptp(recording.q, axis=0) < still_travels(lib)).all():
@@ -189,10 +175,7 @@ def rest_spans(
 
 
 def little_torque(recording: Recording, lib: Library) -> list[Finding]:
-    """Joints whose relative torque error misleads.
-
-    Measured: RMS torque of every joint over that of the most loaded one.
-    """
+    """Joints whose RMS torque is so small beside the largest that an error in percent misleads."""
     if recording.tau is None:
         return []
     rms = np.sqrt(np.mean(recording.tau**2, axis=0))
@@ -298,10 +281,7 @@ def velocity_pairs(
 def constant_velocity(
     recording: Recording, plan: Recipe, lib: Library
 ) -> tuple[Recipe, list[Finding]]:
-    """Velocities that are constant although their joint moves, so that they are not measured.
-
-    All velocities are computed from q then, unless a control law needs those of the log.
-    """
+    """Velocities that are constant while q moves; all are computed from q then, but for a law."""
     if recording.dq is None:
         return plan, []
     travel = np.ptp(unwrap(recording.q)[0], axis=0)
@@ -345,10 +325,7 @@ def _smooth(values: Array, width: int = 9) -> Array:
 def velocity_filter(
     recording: Recording, plan: Recipe, lib: Library
 ) -> tuple[Recipe, list[Finding]]:
-    """Velocities that are a first-order filter of the differences of q.
-
-    Measured: least squares of dq_k on dq_{k−1} and the last difference quotient of q.
-    """
+    """Velocities that are a first-order filter of the differences of q, by least squares."""
     if recording.dq is None or plan.velocity is None or len(recording) < FEWEST_ROWS or plan.law:
         return plan, []
     q = unwrap(recording.q)[0]

@@ -4,8 +4,7 @@
 
 s is 1 where τ is the torque at the joint in N·m. One factor for all joints is a unit; different
 factors are motor currents or motor torques. The torque of the URDF errs by 10 to 20 %, so that
-gains computed from it are a start, not a calibration. Signs: `column_faults`; the other checks are
-`gravity` and `model_fit`.
+gains computed from it are a start, not a calibration.
 """
 
 from dataclasses import dataclass, replace
@@ -47,9 +46,7 @@ class TorqueRows:
     has_rotors: bool = False  # whether rotor inertia is among these columns
 
     def model_torque(self) -> tuple[Array, Array]:
-        """Inertial and gravity part of the torque of the URDF at the rows, (N, n) each, N·m or
-        N.
-        """
+        """Inertial and gravity part of the torque of the URDF at the rows, (N, n) each."""
         s, still = self.samples, np.zeros_like(self.samples.q)
         gravity = self.lib.inverse_dynamics(s.q, still, still, self.lib.pi0)
         return self.lib.inverse_dynamics(s.q, s.dq, s.ddq, self.lib.pi0) - gravity, gravity
@@ -84,10 +81,7 @@ def torque_rows_of(
 
 
 def _without_springs(samples: Samples, lib: Library) -> Samples:
-    """Samples less the torque of springs of unknown stiffness, τ − S k.
-
-    k is that of least squares over [β; φ; k]; the checks compare the rest with the URDF's links.
-    """
+    """Samples of τ − S k, with k of unknown springs by least squares over [β; φ; k]."""
     springs = lib.spring_columns(samples.q)
     take = slice(None, None, max(1, len(samples) // ROWS))
     few = samples.rows(take)

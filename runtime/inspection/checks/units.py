@@ -203,9 +203,7 @@ def _with_signs(plan: Recipe, joints: list[int], lib: Library) -> tuple[Recipe, 
 
 
 def _turns(recording: Recording, lib: Library) -> bool:
-    """Whether joints without limits turn many times: all others are within their limits, and τ
-    resembles the gravity torque better than with positions in degrees.
-    """
+    """Whether endless joints turn often: others keep their limits, τ shows gravity in rad."""
     limits = lib.limits()
     endless = ~(np.isfinite(limits["lower"]) | np.isfinite(limits["upper"]))
     beyond = np.diag(beyond_limits(recording.q, lib))

@@ -49,10 +49,7 @@ def write_urdf(
     terms: Friction | None = None,
     phi: ArrayLike | None = None,
 ) -> str:
-    """Write the identified URDF, after a check that it reloads to the same torques.
-
-    The file appears complete or not at all; an existing file stays where the new one is refused.
-    """
+    """Write the identified URDF, which reloads to the same torques; else an old file stays."""
     return _write(make_model(lib, pi, terms, phi), EXPORT_FORMATS["urdf"], Path(path))
 
 

@@ -99,10 +99,7 @@ class JointFriction:
 
 
 def joint_friction(lib: Library, terms: Friction | None, phi: Array | None) -> JointFriction:
-    """Joint friction of simulators from identified coefficients.
-
-    phi (n, k) [N·m or N per unit of the column].
-    """
+    """Joint friction of simulators from identified coefficients phi (n, k) of the columns."""
     n = lib.n_joints
     unknown = (None,) * n
     if terms is None or not terms.columns or phi is None:

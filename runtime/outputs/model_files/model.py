@@ -34,10 +34,7 @@ class LinkBodies:
 
 
 def divide_bodies(lib: Library, pi: Array, tree: Tree) -> LinkBodies:
-    """Divide π into bodies of links, so that those of links fixed to each other add up to π.
-
-    pi (10 n,) [kg, kg·m, kg·m²].
-    """
+    """Divide π (10 n,) into bodies of links that add up to π where they are fixed."""
     bodies: dict[str, RigidBody] = {}
     fixed: dict[str, dict[str, RigidBody]] = {name: {} for name in lib.link_names}
     for link in tree.links:

@@ -36,10 +36,7 @@ def compare_reloaded(model: IdentifiedModel, reloaded: Reloaded | None, install:
 
 
 def torque_difference(tau: Array, expected: Array) -> float:
-    """Largest difference of two torque arrays (N, n) over the largest expected torque [-].
-
-    tau (N, n) [N·m, N], expected (N, n) [N·m, N].
-    """
+    """Largest difference of two torque arrays (N, n) over the largest expected torque."""
     return float(np.abs(tau - expected).max() / np.abs(expected).max())
 
 

@@ -169,11 +169,7 @@ def _table(lib: Library, arrays: dict[str, Array]) -> str:
 def simulator_arrays(
     lib: Library, saved: SavedResult, draws: Draws, rng: np.random.Generator
 ) -> dict[str, Array]:
-    """Arrays of N draws in SI units; axes are quaternions w, x, y, z of the principal axes.
-
-    mass (N, L), com (N, L, 3), inertia about it (N, L, 3, 3), its moments (N, L, 3) and axes
-    (N, L, 4); damping, friction, armature and delay (N, n).
-    """
+    """Arrays of N draws in SI units; axes are quaternions w, x, y, z of the principal axes."""
     tree = read_tree(lib)
     models = [
         make_model(lib, pi, saved.friction, phi, tree=tree)

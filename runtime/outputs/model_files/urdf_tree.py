@@ -57,10 +57,7 @@ def body_of(P: Array) -> RigidBody:
 
 
 def smallest_eigenvalue(P: Array) -> float:
-    """Smallest eigenvalue of P (4, 4) over its trace; ≥ 0 for a physically consistent body.
-
-    Without a trace it is the eigenvalue itself.
-    """
+    """Smallest eigenvalue of P (4, 4) over its trace, or without one; ≥ 0 if consistent."""
     return float(np.linalg.eigvalsh(P)[0]) / (abs(float(np.trace(P))) or 1.0)
 
 
@@ -110,10 +107,7 @@ class Tree:
     moving: tuple[str, ...]  # moving links in the order of the library
 
     def carrier(self, link: str) -> tuple[str | None, Array]:
-        """The moving link that a link is fixed to, and T (4, 4) from its frame to that link's.
-
-        The link is None, and T leads to the base, for a link that is fixed to the base.
-        """
+        """The moving link that a link is fixed to, None for the base, and T (4, 4) to it."""
         T = np.eye(4)
         while link not in self.moving and link in self.edges:
             T = self.edges[link].placement @ T

@@ -2,9 +2,7 @@
 
 Figures share no state with other plots and no settings of the user; equal input gives equal bytes.
 A figure of a page is drawn in placeholder colours; each becomes a CSS variable of the page, light
-or dark. An artist with the gid `m:NAME` belongs to the method NAME; the filter of the page hides it
-with the method. Other modules draw on the axes of these figures and need no import of matplotlib,
-which takes half a second and is loaded with the first figure.
+or dark. An artist with the gid `m:NAME` belongs to the method NAME, with which the page hides it.
 """
 
 import io

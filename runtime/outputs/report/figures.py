@@ -39,10 +39,7 @@ def torques(
     before: Array,
     after: Array,
 ) -> Markup:
-    """Torque (left) and measured − predicted (right) of each joint over the test split.
-
-    t (N,) [s], measured (N, n) [N·m, N], before (N, n) [N·m, N], after (N, n) [N·m, N].
-    """
+    """Torques (N, n) and measured − predicted of each joint over the times t (N,) of a test."""
     n, gaps = len(joints), pauses(t)
     height = 0.75 + 1.15 * n
     with page_figure(height, layout=None) as figure:
@@ -73,10 +70,7 @@ def torques(
 def mass_change(
     links: Sequence[str], before: Array, after: Array, sigma: Array | None = None
 ) -> Markup:
-    """Bars of m_after − m_before per link, labelled with the two masses and σ of the second.
-
-    before (n,) [kg], after (n,) [kg], sigma (n,) [kg].
-    """
+    """Bars of m_after − m_before [kg] per link (n,), labelled with both masses and σ."""
     n, change = len(links), np.nan_to_num(after - before)
     reach = np.zeros(n) if sigma is None else np.nan_to_num(sigma)
     spread = [""] * n if sigma is None else [f" ± {s:.2g}" for s in sigma]

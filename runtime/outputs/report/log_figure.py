@@ -102,10 +102,7 @@ def picture_format(path: Path) -> str:
 
 
 def draw_log(recording: Recording, path: Path, rest: Sequence[tuple[float, float]] = ()) -> None:
-    """Write a figure of a recording with one panel per signal; rests and gaps are shaded.
-
-    rest (from, to) [s].
-    """
+    """Figure of a recording, a panel per signal, with rests (from, to) [s] and gaps shaded."""
     suffix = picture_format(path)
     signals = {"q [rad or m]": recording.q, "dq": recording.dq, "τ [N·m or N]": recording.tau}
     panels = {title: values for title, values in signals.items() if values is not None}

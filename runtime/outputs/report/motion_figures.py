@@ -1,8 +1,8 @@
 """Figures of a designed motion, drawn from its `MotionProfile`.
 
 `NAME.png`: q, dq, ddq and torque of every joint with their limits (Fig. A.2 of the document), and
-the use of all limits. `NAME-speed.png`: dq over q of every joint, with velocity limits that depend
-on the position. `NAME-space.png`: see `tip_path_figure`.
+the use of all limits. `NAME-speed.png`: dq over q with velocity limits that depend on the position.
+`NAME-space.png`: path of the tip and distances.
 """
 
 from itertools import product

@@ -1,9 +1,7 @@
 """Result folder → `report.html`: one file without network access, reproducible byte for byte.
 
-`result` reads and checks, `figures` draws, `page` renders; sentences, tiles and tables with rounded
-numbers are made here. Mirrored limbs are one table, uncertainties two: σ per link, and residuals
-per joint. A comparison of methods in the folder is appended; without `result.json` it is the whole
-page.
+Mirrored limbs are one table, uncertainties two: σ per link, and residuals per joint. A comparison
+of methods in the folder is appended; without `result.json` it is the whole page.
 """
 
 import math

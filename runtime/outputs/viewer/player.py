@@ -220,10 +220,7 @@ class Player:
 
 
 def bars(lib: Library, q: Array, dq: Array | None, tau: Array | None) -> str:
-    """HTML table with one row per joint: q, dq and τ as shares of their limits.
-
-    q (n,) [rad, m], dq (n,) [rad/s, m/s], tau (n,) [N·m, N].
-    """
+    """HTML table with a row per joint: q, dq and τ (n,) as shares of their limits."""
     lines = []
     for j, joint in enumerate(lib.manifest.joints):
         cells = [_cell(q[j], _place(q[j], joint.lower, joint.upper))]

@@ -2,9 +2,7 @@
 
 JointState is in SI units by its definition (REP 103). In the recipe, `topic` is that of the
 messages, `joints` picks and orders the joints by name, and `key` is a field of JointState.
-
-Publishers of some of the joints each are merged where their stamps are equal. Messages that arrived
-out of order are sorted; a field that no message fills is missing.
+Publishers of some of the joints each are merged where their stamps are equal.
 
     publisher   a row per message: stamp, instant of logging, position, velocity, effort
     merged      t and the three fields of the requested joints, sorted, one row per stamp
@@ -220,10 +218,7 @@ class JointLog:
 def read_joint_states(
     path: Path, topic: str, wanted: tuple[str, ...], robot: tuple[str, ...] = ()
 ) -> JointLog:
-    """Merged joint states of one topic of a bag, by default of all joints it names.
-
-    wanted: names of the log; robot: those of the robot, which may have another prefix.
-    """
+    """Merged joint states of one topic; wanted: names of the log, robot: those of the robot."""
     notes: list[str] = []
     topics: dict[str, Topic] = {}
     spool = Spool(path.name)

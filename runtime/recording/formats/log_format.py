@@ -30,10 +30,7 @@ SMALL = 2**24
 
 
 class Digests(Mapping[str, str]):
-    """File name → SHA-256; reading an entry waits until its file is hashed.
-
-    Pickled and copied it is a plain dict.
-    """
+    """File name → SHA-256; reading an entry waits for it, and copies are plain dicts."""
 
     def __init__(self) -> None:
         self._entries: dict[str, str | tuple[Path, Future[str]]] = {}

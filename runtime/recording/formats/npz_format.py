@@ -1,9 +1,7 @@
 """Log format NPZ: arrays t (N,), q (N, n) [, dq] [, ddq] [, tau] in SI units by default.
 
-Without tau, the arrays q_des and dq_des (N, n), kp and kd (n,) give the torque of a PD law.
-
-An NPZ that `write_recording` has written carries the friction columns, the names and the history
-too.
+Without tau, the arrays q_des and dq_des (N, n), kp and kd (n,) give the torque of a PD law. What
+`write_recording` has written carries the friction columns, the names and the history too.
 """
 
 from collections.abc import Mapping

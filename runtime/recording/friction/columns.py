@@ -41,10 +41,7 @@ _BLOCK = 64
 
 
 def dahl_state(q: FloatArray, stroke: ArrayLike) -> FloatArray:
-    """ζ after each step: exact for steps of one direction, ζ ← s + (ζ − s) exp(−|Δq| / z_c).
-
-    q (N, n) of one path, stroke z_c one number or (n,) [rad, m] → (N, n), 0 at the first sample.
-    """
+    """ζ (N, n) of a path q (N, n), first 0: ζ ← s + (ζ − s) exp(−|Δq| / z_c), exact per step."""
     step = np.diff(q, axis=0)
     count, n = step.shape
     blocks = max(1, -(-count // _BLOCK))

@@ -21,9 +21,7 @@ FloatArray = NDArray[np.float64]
 
 
 def directions(gear: ArrayLike) -> FloatArray:
-    """R̂ (n, n): rows of the gear matrix over their largest entry; 0 for a motor that drives one
-    joint.
-    """
+    """R̂ (n, n): rows of the gear matrix over their largest entry; 0 for a motor of one joint."""
     R = np.atleast_2d(np.asarray(gear, dtype=np.float64))
     rows = np.zeros_like(R)
     for m, row in enumerate(R):
@@ -43,10 +41,7 @@ class Coupling:
     has_one_row: bool = False  # whether all are shared and φ is (1, k): rows that mix joints
 
     def torque(self, values: FloatArray, phi: FloatArray, column: int) -> FloatArray:
-        """Torques of one column on the joints: R̂ᵀ c φ of motors, c φ_1 of a spring, else c φ.
-
-        values (…, n) c, phi (n,) → (…, n) [N·m, N].
-        """
+        """Torques (…, n) of one column c: R̂ᵀ c φ of motors, c φ_1 of a spring, else c φ."""
         if self.shared[column]:
             return np.asarray(values * phi[0])
         torques = values * phi
@@ -118,10 +113,7 @@ def _shared(names: tuple[str, ...]) -> tuple[bool, ...]:
 
 
 def geared(terms: Friction, recording: Recording, lib: Library | None = None) -> Friction:
-    """The terms with R̂ of the recipe's gear and of the robot's couplings, for columns of motors.
-
-    The rows of coupled coordinates take the places of motors that drive one joint.
-    """
+    """The terms with R̂ of the gear, and with coupled coordinates in place of uncoupled motors."""
     if terms.gear or not has_motors(terms.columns):
         return terms
     gear = recording.recipe.gear if recording.recipe else ()

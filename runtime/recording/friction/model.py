@@ -84,12 +84,7 @@ def motion_of(recording: Recording, names: Iterable[str], lib: Library | None) -
 
 
 def torque(columns: FloatArray, phi: FloatArray, coupling: Coupling | None = None) -> FloatArray:
-    """Friction torque τ_f = Σ_k C[:, :, k] φ[:, k], (N, n) [N·m, N].
-
-    With a coupling, row m of a motor's column acts on all the joints of motor m: R̂ᵀ C φ.
-
-    columns C (N, n, k), phi (n, k) or as `shape_of` [N·m per unit of the column].
-    """
+    """Friction torque τ_f = Σ_k C[:, :, k] φ[:, k], (N, n) [N·m, N]; of coupled motors R̂ᵀ C φ."""
     columns, phi = np.asarray(columns), np.asarray(phi)
     shape = shape_of(columns, coupling)
     if shape != phi.shape:
@@ -108,10 +103,7 @@ def torque(columns: FloatArray, phi: FloatArray, coupling: Coupling | None = Non
 def add_columns(
     recording: Recording, *terms: Friction, lib: Library | None = None, linear_later: bool = False
 ) -> Recording:
-    """The recording with the friction columns of its motion, (N, n, k).
-
-    linear_later: leave out the linear columns, which `completed` adds.
-    """
+    """The recording with its friction columns (N, n, k), without the linear ones if requested."""
     if recording.dq is None:
         raise RecordingError("friction columns expect dq, but there is none; differentiate first")
     _require_known(terms)
@@ -154,10 +146,7 @@ def completed(recording: Recording, *terms: Friction) -> Recording:
 
 
 def renewed_rotor(recording: Recording) -> Recording:
-    """The recording with rotor columns computed from the ddq of its rows.
-
-    Both passed the same linear steps, so that this is the column of the filtered motion.
-    """
+    """The recording with rotor columns from the filtered ddq, which passed the same steps."""
     if recording.columns is None or recording.ddq is None:
         return recording
     inertial = [name in COLUMNS and COLUMNS[name].is_inertial for name in recording.column_names]
@@ -182,10 +171,7 @@ even for a coefficient of ten."""
 
 
 def unresolved(columns: FloatArray, tau: FloatArray) -> NDArray[np.bool_]:
-    """Flags (n, k) of columns (N, n, k) whose values are rounding; False for a column of zeros.
-
-    tau: torque, (N, n) [N·m, N], or power, (N, 1) [W].
-    """
+    """Flags (n, k) of columns whose values are rounding beside τ or power; not of zero columns."""
     if not columns.size:
         return np.zeros(columns.shape[1:], dtype=bool)
     flat = columns.reshape(len(columns), -1)

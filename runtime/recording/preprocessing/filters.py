@@ -43,10 +43,7 @@ class Butterworth:
 
 
 def is_filtered(history: Iterable[str]) -> bool:
-    """Whether one of these filters is among the steps of a recording.
-
-    Steps of joined logs begin with the name of their log and a colon.
-    """
+    """Whether one of these filters is among the steps; those of joined logs begin with "LOG: "."""
     return any(
         step.startswith(FILTERED) or any(f": {word}" in step for word in FILTERED)
         for step in history

@@ -324,10 +324,7 @@ def _with_lag(contacts: Contacts, whole: Recording, moved: int, torques: int) ->
 
 
 def _on_uniform_clock(log: Recording, unknown: BoolArray) -> tuple[Recording, BoolArray]:
-    """A log on a uniform clock of its own rate, and what is unknown there.
-
-    Gaps do not count into the rate.
-    """
+    """A log on a uniform clock of its own rate, without its gaps, and what is unknown there."""
     steps = np.diff(log.t)
     if np.abs(steps / np.median(steps) - 1).max() <= _JITTER:
         return log, unknown

@@ -54,10 +54,7 @@ def rows_between(t: FloatArray, first: float, last: float) -> slice:
 
 
 def before_test(recording: Recording, parts: Split | None = None) -> Recording:
-    """Rows of the training and validation parts, on which settings may be chosen.
-
-    Taken before any filter, so that no sample of the test part has an effect on a choice.
-    """
+    """Training and validation rows, before any filter mixes samples of the test part into them."""
     recipe = recording.recipe
     shares = parts or (recipe.split if recipe else None) or Split()
     last = shares.validation[1]

@@ -234,10 +234,7 @@ CHUNK = 256
 
 
 def smooth_motion(recording: Recording, smooth: Callable[[Recording], Recording]) -> Recording:
-    """The recording with the q and dq for momentum and energy, and without ddq.
-
-    A missing dq is the derivative of the cubic spline through the smoothed q, exact to h⁴.
-    """
+    """The recording with q and dq only; a missing dq is that of a cubic spline, exact to h⁴."""
     data = without_short(recording.replace(ddq=None), 4)
     uniform_step(data, "go without accelerations")
     data = smooth(data)
@@ -250,9 +247,7 @@ def smooth_motion(recording: Recording, smooth: Callable[[Recording], Recording]
 def balanced(
     recording: Recording, friction: tuple[Friction, ...], lib: Library, power: bool
 ) -> Recording:
-    """Averaged torque S τ, or S dq∘τ for power, with its friction columns; the rows are not
-    computed yet.
-    """
+    """Averaged torque S τ, or S dq∘τ, with its friction columns; no row is computed yet."""
     if recording.tau is None:
         raise RecordingError("rows without accelerations expect τ, but there is none; log it")
     data = recording

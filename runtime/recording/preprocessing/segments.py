@@ -144,10 +144,7 @@ def without_short(recording: Recording, minimum: int) -> Recording:
 
 
 def differentiate(recording: Recording, from_position: bool = False) -> Recording:
-    """Fill in dq from q and ddq from dq by central differences, of second order at the ends, too.
-
-    from_position: replace measured dq and ddq too.
-    """
+    """Fill in dq from q and ddq from dq by central differences; from_position replaces both."""
     result = recording
     if from_position or recording.dq is None:
         result = without_short(result, 3)
@@ -163,12 +160,7 @@ def differentiate(recording: Recording, from_position: bool = False) -> Recordin
 
 
 def slopes(t: FloatArray, values: FloatArray) -> FloatArray:
-    """Derivative by central differences: the slope of the parabola through three neighbours.
-
-    The middle one is the row itself, or next to an edge the neighbour inside.
-
-    t (N,), values (N, m) → (N, m).
-    """
+    """Derivative (N, m) by the parabola through three neighbours, at an edge shifted inwards."""
     hole = holes(t)
     centre = np.arange(len(t))
     centre[0] += 1
@@ -276,9 +268,7 @@ def advance_torque(recording: Recording, delay_s: float | tuple[float, ...]) -> 
 
 
 def trim(recording: Recording, seconds: float) -> Recording:
-    """The recording without both ends of every segment, where filters have samples on one side
-    only.
-    """
+    """The recording without both ends of every segment, where filters see samples on one side."""
     t = recording.t
     keep = np.zeros(len(t), dtype=bool)
     slack = 1e-9
@@ -309,11 +299,7 @@ def drop_rest(recording: Recording, speed: float | tuple[float, ...]) -> Recordi
 
 
 def decimate(recording: Recording, rate_hz: float) -> Recording:
-    """Every k-th instant of the uniform clock; low-pass first, or frequencies alias.
-
-    The instants are those of one clock for all segments. If the ratio k of the rates is not an
-    integer, the signals are interpolated linearly instead.
-    """
+    """Every k-th instant of one clock after a low-pass; for other ratios linear interpolation."""
     step = uniform_step(recording, "decimate")
     ratio = 1.0 / (step * rate_hz)
     k = round(ratio)

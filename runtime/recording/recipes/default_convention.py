@@ -48,11 +48,7 @@ def columns_convention(titles: list[str], layout: str, name: str) -> Recipe:
 
 
 def arrays_convention(present: Container[str], layout: str, prefix: str = "") -> Recipe:
-    """Recipe of a file with the arrays t, q [, dq] [, ddq] [, tau]; q is always expected.
-
-    Without tau, the arrays q_des, kp and kd [, dq_des] [, tau_ff] [, effort_limit] give the torque
-    of a PD law.
-    """
+    """Recipe of the arrays t, q [, dq] [, ddq], and tau, or q_des, kp, kd of a PD law."""
     signals: dict[str, Any] = {
         KINDS[key]: Signal(unit=UNITS[key], layout=layout, key=prefix + key)
         for key in UNITS

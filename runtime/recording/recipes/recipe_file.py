@@ -1,7 +1,6 @@
 """TOML ↔ `Recipe`; an unknown key, a wrong type or a repeated key is an error.
 
-Bundled recipes lie beside this module; other recipes are files of the same form. Recipes are
-written without defaults and with one line per list, which tomli-w would break into one per number.
+Recipes are written with one line per list, which tomli-w would break into one per number.
 """
 
 import dataclasses

@@ -82,11 +82,7 @@ def reload(text: str, lib: Library, count: int = STATES) -> Reloaded | None:
 def _require_equalities(
     mujoco: Any, model: Any, data: Any, lib: Library, q: Array, order: list[int]
 ) -> None:
-    """Raise Unreadable unless the equalities leave exactly the motions of the library's joints.
-
-    Their residual at q_all(q) and their slope along G = ∂q_all/∂q vanish, and their rank is the
-    number of dependent joints.
-    """
+    """Raise Unreadable unless residual, slope along G and rank leave the library's motions."""
     jacobians = lib.joint_jacobian(q)
     for positions, jacobian in zip(lib.all_positions(q), jacobians, strict=True):
         data.qpos[order] = positions

@@ -256,11 +256,7 @@ PLACE_TOLERANCE = 1e-6
 
 
 def usd_text(model: IdentifiedModel) -> str:
-    """Text of a USD stage (.usda).
-
-    Every link is placed at q = 0, or at `lib.home` where joints follow others, so that loops are
-    closed.
-    """
+    """Text of a USD stage (.usda) at q = 0, or at `lib.home` where loops must be closed."""
     require_mechanism(model)
     lib, tree = model.lib, model.tree
     names = prim_names(
@@ -384,7 +380,7 @@ def _is_body(model: IdentifiedModel, link: str) -> bool:
 
 
 def _paths(model: IdentifiedModel, root: str, names: dict[str, str]) -> dict[str, str]:
-    """Link → path of its prim: bodies below the root, since bodies are not nested; frames on them.
+    """Link → path of its prim: bodies below the root, frames on bodies.
 
     PhysX gives a body without mass the mass 1 kg, so that a flange without mass is no body.
     """

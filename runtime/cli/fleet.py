@@ -13,6 +13,7 @@ from runtime.common.settings import argument_field, method_field, output_field, 
 from runtime.common.tables import Table, significant
 from runtime.common.terminal import say, show
 from runtime.common.threads import one_blas_thread
+from runtime.errors import RuntimeFault
 from runtime.identification.statistics_file import read_statistics
 from runtime.library import Library
 from runtime.library.parameters import links, mass
@@ -66,6 +67,11 @@ def fleet_command(given: FleetSettings) -> None:
     NPZ of the same name with the parameters of every unit. A run that was interrupted continues
     with the same command.
     """
+    if given.out.suffix != ".toml":
+        raise RuntimeFault(
+            f"expected a file that ends in .toml for the prior, got '{given.out}'; the parameters "
+            "of the units are written beside it as NPZ"
+        )
     beside = given.out.with_suffix(".npz")
     require_unused([given.out, beside, settings_place(given.out)], given.overwrite)
     files = statistics_files(given.folder)

@@ -159,6 +159,9 @@ def test_the_commands_from_log_to_prior(
     ran = command("fleet", "units", "--robot", lib.folder, "--out", "fleet.toml")
     assert ran.code == 2
     assert "--overwrite" in ran.err
+    ran = command("fleet", "units", "--robot", lib.folder, "--out", "fleet")
+    assert ran.code == 2
+    assert "ends in .toml" in ran.err
 
 
 @pytest.mark.parametrize("case", ["none", "empty", "damaged", "other"])

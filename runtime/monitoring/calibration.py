@@ -10,7 +10,9 @@ their excess over the (k + 1)-th largest one, u, has a generalised Pareto tail i
 
 whose centre ξ = 0 is the Gaussian tail; ξ is common to the joints. z solves (k/T) P(s > z) = rate/n
 in the mean over the posterior of ξ and c. Runs of exceedances count once, so that no extremal index
-of coloured noise is assumed. Free motion is usually of one day, and the friction of another day is
+of coloured noise is assumed. Motions differ: one that excites an error of the model has many peaks.
+With φ the variance over the mean of their number in `DAY_S`, k peaks count as k/φ independent ones.
+Free motion is usually of one day, and the friction of another day is
 another one: the logs are taken with friction that changes (`on_other_days`).
 Source: Coles 2001, Ch. 4 and 5; Pickands 1975.
 """
@@ -29,8 +31,9 @@ from runtime.monitoring.observer import PAUSE_S, RELEASE
 from runtime.recording import Recording
 from runtime.recording.friction.model import motion_of
 
-PEAKS = 300
-"""Largest number k of peaks per joint to which a tail is fitted."""
+PEAKS = 100
+"""Largest number k of peaks per joint to which a tail is fitted: with more, the body of the
+distribution determines its shape."""
 LEAST_PEAKS = 30
 """Smallest number of peaks of the joint that has most; one that rests has fewer."""
 SHAPE = 0.1
@@ -64,6 +67,12 @@ class Tail:
     seconds: float  # duration in which they were seen [s]
     scale: float  # c
     shape: float  # ξ
+    cluster: float = 1.0  # φ
+
+    @property
+    def count(self) -> float:
+        """Number of independent peaks above the lowest one, k/φ."""
+        return (len(self.peaks) - 1) / self.cluster
 
     def level(self, rate: float) -> float:
         """Level that peaks exceed at a stated rate."""
@@ -77,7 +86,7 @@ class Tail:
 
 
 def peaks_of(s: Array, rate_hz: float) -> Array:
-    """Peaks of one joint that would be contacts of their own.
+    """Peaks of one joint that would be contacts of their own, and their times [s]: (2, K).
 
     From the largest one downwards, a peak takes with it all samples until s has fallen below half
     of it, and those within the shortest pause of two contacts.
@@ -87,17 +96,17 @@ def peaks_of(s: Array, rate_hz: float) -> Array:
     inner = (s[1:-1] >= s[:-2]) & (s[1:-1] > s[2:]) & (s[1:-1] > max(np.quantile(s, HIGH), 0.0))
     places = np.flatnonzero(inner) + 1
     is_free = np.ones(len(s), dtype=bool)
-    peaks: list[float] = []
+    peaks: list[tuple[float, float]] = []
     for k in places[np.argsort(-s[places])]:
         if not is_free[k]:
             continue
-        peaks.append(float(s[k]))
+        peaks.append((float(s[k]), k / rate_hz))
         if len(peaks) > PEAKS:
             break
         low = RELEASE * s[k]
         first, last = _edge(s, k, -1, low), _edge(s, k, 1, low)
         is_free[max(first - pause, 0) : last + pause + 1] = False
-    return np.array(peaks)
+    return np.array(peaks).reshape(-1, 2).T
 
 
 def _edge(s: Array, k: int, way: int, low: float) -> int:
@@ -113,9 +122,9 @@ def _edge(s: Array, k: int, way: int, low: float) -> int:
         size *= 4
 
 
-def _log_posterior(peaks: Array) -> tuple[Array, Array]:
-    """log p(excesses | ξ, c) of one joint on the grid of ξ and ln c, (G, H), and the scales c."""
-    excess = peaks[:-1] ** 2 - peaks[-1] ** 2
+def _log_posterior(tail: Tail) -> tuple[Array, Array]:
+    """log p(excesses | ξ, c)/φ of one joint on the grid of ξ and ln c, (G, H), and the scales c."""
+    excess = tail.peaks[:-1] ** 2 - tail.peaks[-1] ** 2
     mean = max(float(excess.mean()), 1e-300)
     xi, log_c = _SHAPES[:, None, None], _LOG_SCALES[None, :, None]
     z = 1 + xi * (excess / mean) / np.exp(log_c)
@@ -123,12 +132,13 @@ def _log_posterior(peaks: Array) -> tuple[Array, Array]:
         logs = np.log(np.where(z > 0, z, np.nan))
         # ξ = 0 is not on the grid.
         values = -len(excess) * _LOG_SCALES - ((1 / xi + 1) * logs).sum(axis=2)
-    return np.where(np.isfinite(values), values, -np.inf), mean * np.exp(_LOG_SCALES)
+    values = np.where(np.isfinite(values), values, -np.inf) / tail.cluster
+    return values, mean * np.exp(_LOG_SCALES)
 
 
 def _weights(tails: Sequence[Tail]) -> tuple[Array, list[Array], list[Array]]:
     """p(ξ | all joints), and per joint p(c | ξ) with the scales c."""
-    grids = [_log_posterior(tail.peaks) for tail in tails]
+    grids = [_log_posterior(tail) for tail in tails]
     log_shape = -((_SHAPES / SHAPE) ** 2) / 2
     given = []
     for values, _ in grids:
@@ -141,17 +151,24 @@ def _weights(tails: Sequence[Tail]) -> tuple[Array, list[Array], list[Array]]:
     return weights / weights.sum(), given, [scales for _, scales in grids]
 
 
-def fitted(peaks: Sequence[Array], seconds: float) -> tuple[Tail, ...]:
+def highest(peaks: Array, seconds: float) -> Tail:
+    """Largest peaks of a joint, from all with their times (2, K), before the tail is fitted."""
+    if peaks.shape[1] < 2:  # the joint has lower ones, at most, and one of the size of σ
+        return Tail(np.sort([*peaks[0], 1.0, RELEASE])[::-1], seconds, 0.0, 0.0)
+    kept = peaks[:, np.argsort(-peaks[0])[: PEAKS + 1]]
+    windows = int(seconds / DAY_S)
+    counts = np.bincount((kept[1, :-1] / DAY_S).astype(int), minlength=windows)[:windows]
+    cluster = counts.var() / counts.mean() if counts.any() else 1.0
+    return Tail(kept[0], seconds, 0.0, 0.0, max(float(cluster), 1.0))
+
+
+def fitted(start: Sequence[Tail]) -> tuple[Tail, ...]:
     """Tails of several joints with a common shape, most probable a posteriori."""
-    # A joint with less than two peaks has lower ones, at most, and one of the size of σ.
-    padded = [x if len(x) > 1 else np.array([*x, 1.0, RELEASE]) for x in peaks]
-    kept = [np.sort(each)[::-1][: PEAKS + 1] for each in padded]
-    start = [Tail(each, seconds, 0.0, 0.0) for each in kept]
     shapes, given, scales = _weights(start)
     best = int(np.argmax(shapes))
     return tuple(
-        Tail(each, seconds, float(scale[np.argmax(share[best])]), float(_SHAPES[best]))
-        for each, share, scale in zip(kept, given, scales, strict=True)
+        replace(tail, scale=float(scale[np.argmax(share[best])]), shape=float(_SHAPES[best]))
+        for tail, share, scale in zip(start, given, scales, strict=True)
     )
 
 
@@ -195,12 +212,8 @@ def rate_interval(tails: Sequence[Tail], levels: Array) -> tuple[float, float]:
     for tail, share, rate in zip(tails, given, rates, strict=True):
         sums = np.cumsum(share[drawn], axis=1)
         column = (sums < rng.uniform(size=(_DRAWS, 1)) * sums[:, -1:]).sum(axis=1)
-        count = len(tail.peaks) - 1
-        total += (
-            rate[drawn, np.minimum(column, rate.shape[1] - 1)]
-            * rng.gamma(count, size=_DRAWS)
-            / count
-        )
+        share_of = rng.gamma(tail.count, size=_DRAWS) / tail.count
+        total += rate[drawn, np.minimum(column, rate.shape[1] - 1)] * share_of
     low, high = np.quantile(total, [0.025, 0.975])
     return float(low), float(high)
 
@@ -242,19 +255,21 @@ def calibrated_on(
     for log in logs:
         torques = both_torques(lib, detector.model, detector.settings, log)
         seen = {id(each): signals_of(lib, each, log, torques) for each in (plain, direct)}
-        seconds += float(np.isfinite(torques[0][:, 0]).sum() / rate_hz)
         extra.append(seen[id(plain)].extra.mean(axis=0))
         for (each, share), kept in zip(ways, peaks, strict=True):
-            kept.append([peaks_of(s, rate_hz) for s in seen[id(each)].normalised(share).T])
+            start = [[0.0], [seconds]]
+            values = seen[id(each)].normalised(share).T
+            kept.append([peaks_of(s, rate_hz) + start for s in values])
+        seconds += float(np.isfinite(torques[0][:, 0]).sum() / rate_hz)
     for (each, share), kept in zip(ways, peaks, strict=True):
-        by_joint = [np.concatenate(parts) for parts in zip(*kept, strict=True)]
-        most = max(map(len, by_joint))
+        by_joint = [np.hstack(parts) for parts in zip(*kept, strict=True)]
+        most = max(each.shape[1] for each in by_joint)
         if each is plain and (most <= LEAST_PEAKS or seconds < LEAST_S):
             raise IdentificationError(
                 f"expected {LEAST_S:g} s of free motion or more, with {LEAST_PEAKS + 1} separate "
                 f"peaks of a residual, got {most} in {seconds:.3g} s; calibrate with a longer log"
             )
-        tails.append(fitted(by_joint, seconds))
+        tails.append(fitted([highest(peaks, seconds) for peaks in by_joint]))
         size = levels_of(tails[-1], rate) * each.noise.sigma + share * np.mean(extra, axis=0)
         thresholds.append(size)
     share = int(np.log(thresholds[1]).sum() < np.log(thresholds[0]).sum())
@@ -265,8 +280,7 @@ def calibrated_on(
         slow=np.where(is_direct, direct.noise.slow, plain.noise.slow),
         fast=np.where(is_direct, direct.noise.fast, plain.noise.fast),
     )
-    chosen = [tails[2 if each else share][j].peaks for j, each in enumerate(is_direct)]
-    kept_tails = fitted(chosen, seconds)
+    kept_tails = fitted([tails[2 if each else share][j] for j, each in enumerate(is_direct)])
     shares = np.where(is_direct, 0.0, float(share))
     detector = replace(plain, noise=noise, share=shares, is_direct=is_direct)
     return calibrated(detector, kept_tails), kept_tails

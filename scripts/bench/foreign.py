@@ -24,8 +24,8 @@ from runtime.monitoring.calibration import calibrated, calibrated_on, rate_inter
 from runtime.monitoring.observation import detector_for, observation_of, prepared_for, signals_of
 
 LOG_S, RATE_HZ = 20.0, 100.0
-TRAINING, CALIBRATION, OBSERVED = 3, 90, 90
-"""Logs per robot: identified, half an hour to calibrate, half an hour that is observed."""
+TRAINING, CALIBRATION, OBSERVED = 3, 90, 900
+"""Logs per robot: identified, half an hour to calibrate, five hours that are observed."""
 PUSH, PUSH_S, WITHIN_S = 0.06, 0.5, 0.05
 """Size of a push as a share of the joint's limit, its length, and the time to find it [s]."""
 PUSHES = np.arange(3.0, 18.0, 1.5)

@@ -8,7 +8,15 @@ import pytest
 from scipy.signal import lfilter
 
 from runtime.library import Library
-from runtime.monitoring.calibration import PEAKS, Tail, fitted, on_other_days, peaks_of
+from runtime.monitoring.calibration import (
+    PEAKS,
+    Tail,
+    fitted,
+    highest,
+    levels_of,
+    on_other_days,
+    peaks_of,
+)
 from runtime.monitoring.model import MonitoredModel
 from runtime.monitoring.noise import levels
 from runtime.monitoring.observer import contacts_of
@@ -25,13 +33,24 @@ def sequence(seed: int, correlation: float = 0.9, count: int = 120_000) -> np.nd
     return lfilter([np.sqrt(1 - correlation**2)], [1, -correlation], noise)
 
 
+def of_sequence(x: np.ndarray) -> Tail:
+    """Peaks of a sequence."""
+    return highest(peaks_of(x, RATE_HZ), len(x) / RATE_HZ)
+
+
+def of_heights(heights: np.ndarray, rng: np.random.Generator) -> Tail:
+    """Peaks of ten minutes at random times."""
+    return highest(np.array([heights, rng.uniform(0, 600.0, len(heights))]), 600.0)
+
+
 def test_peaks_are_contacts() -> None:
     """Property: as many peaks above a level as contacts.
 
     One in ten may differ: what falls below half of a peak need not fall below half of the level.
     """
     x = np.abs(sequence(0))
-    peaks, t = peaks_of(x, RATE_HZ), np.arange(len(x)) / RATE_HZ
+    (peaks, times), t = peaks_of(x, RATE_HZ), np.arange(len(x)) / RATE_HZ
+    assert np.array_equal(x[np.searchsorted(t, times - 1e-6)], peaks)
     assert (np.diff(peaks) <= 0).all()
     assert len(peaks) == PEAKS + 1
     for k in (10, 40, 90):
@@ -49,11 +68,30 @@ def test_a_gaussian_tail_gives_the_level_of_rice() -> None:
     once, the formula counts all: at most 1 % of z.
     """
     rate = 1.0 / 3600
-    tails = [fitted([peaks_of(np.abs(sequence(k)), RATE_HZ)], 600.0)[0] for k in range(1, 13)]
+    tails = [fitted([of_sequence(np.abs(sequence(k)))])[0] for k in range(1, 13)]
     seen = [tail.level(rate) for tail in tails]
     (right,) = levels(rate, np.array([0.9]), RATE_HZ)
     assert np.mean(seen) == pytest.approx(right, rel=0.04)
     assert all(abs(tail.shape) < 0.3 for tail in tails)  # three standard deviations of ξ
+
+
+def test_peaks_of_few_motions_count_less() -> None:
+    """Closed form: peaks that all lie in one of five motions have φ = 4 + 1 in place of 1.
+
+    Of motions with counts c = 5 m for one of five, 0 else, the variance over the mean is
+    4 m + 1 where c has the variance of a Poisson number beside that of the motions, m the mean:
+    here m = 100/30 motions. The level of a rare alarm is higher: the tail is known less well.
+    """
+    rng = np.random.default_rng(0)
+    heights = np.sqrt(4.0 + 2.0 * rng.exponential(size=101))
+    single = of_heights(heights, rng)
+    motion = 5 * rng.integers(0, 6, 101)
+    few = highest(np.array([heights, 20 * (motion + rng.uniform(size=101))]), 600.0)
+    assert single.cluster == pytest.approx(1.0, abs=0.6)  # (2/30)^(1/2) · 1.96 = 0.5, not below 1
+    assert few.cluster == pytest.approx(4 * 100 / 30 + 1, rel=0.3)  # of 6 motions with 17 ± 4
+    rate = 1.0 / 3600
+    once, more = (levels_of(fitted([each]), rate)[0] for each in (single, few))
+    assert 1.02 < more / once < 1.5
 
 
 def test_friction_of_other_days(double: Library) -> None:
@@ -81,7 +119,7 @@ def test_friction_of_other_days(double: Library) -> None:
 def test_bounded_residuals_need_no_gaussian_level() -> None:
     """Property: friction of bounded size has a level near its bound, far below a Gaussian tail."""
     rng = np.random.default_rng(0)
-    (tail,) = fitted([np.sqrt(rng.uniform(4.0, 9.0, 200))], 600.0)
+    (tail,) = fitted([of_heights(np.sqrt(rng.uniform(4.0, 9.0, 100)), rng)])
     gaussian = Tail(tail.peaks, 600.0, tail.scale, 0.0)
     rate = 1e-3 / 3600
     assert tail.shape < -0.1

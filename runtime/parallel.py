@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 
 from threadpoolctl import threadpool_limits
 
+from runtime.common.optional import optional
 from runtime.errors import IdentificationError, RuntimeFault
 
 __all__ = ["on_cluster"]
@@ -51,13 +52,8 @@ def on_cluster(
     Yields:
         Results of a round in the order in which they end.
     """
-    try:
-        from distributed import as_completed
-    except ImportError:
-        raise IdentificationError(
-            "work on a cluster needs dask.distributed here and on every worker; "
-            "install it with: pip install 'symgen[cluster]'"
-        ) from None
+    what = "work on a cluster, here and on every worker,"
+    as_completed = optional("distributed", what, "cluster", IdentificationError).as_completed
     client = _connected(scheduler)
     key = f"symgen-{os.urandom(16).hex()}"
     futures: list[Any] = []

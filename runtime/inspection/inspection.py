@@ -9,12 +9,11 @@ user has (gears, the zero of motor angles) are a block to be filled in.
 
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from runtime.common.files import toml_value
 from runtime.common.tables import Table
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError, RecordingError
@@ -34,7 +33,8 @@ from runtime.recording.formats.text_tables import numbers_in
 from runtime.recording.log_files import LogFiles
 from runtime.recording.notebook import Framed
 from runtime.recording.reader import Raw, locate, read_raw, recording_of
-from runtime.recording.recipes.recipe import COMMANDED, JSON_CELLS
+from runtime.recording.recipes import recipe_file
+from runtime.recording.recipes.recipe import COMMANDED, JSON_CELLS, Source
 from runtime.recording.recipes.recipe_file import load_recipe
 from runtime.recording.static_poses import static_poses
 
@@ -256,12 +256,7 @@ def of_independent_joints(
         if few.joint_names == names or few.joint_names != lib.joint_names:
             return raw, plan, []
         places = [names.index(name) for name in renamed_joints(names, lib.joint_names)]
-        order = {
-            kind: replace(
-                signal, order=tuple((signal.order or range(len(names)))[k] for k in places)
-            )
-            for kind, signal in plan.signals().items()
-        }
+        order = {kind: signal.reordered(places) for kind, signal in plan.signals().items()}
         return raw, plan.replace(joints=lib.joint_names, **order), []
     places = [names.index(name) for name in lib.joint_names]
     if recording.tau is not None:
@@ -324,13 +319,11 @@ def stated(plan: Recipe, findings: list[Finding]) -> tuple[Recipe, list[Finding]
     return plan.replace(torque=torque), [*rest, stated_gains]
 
 
-_TABLES = (
-    *("time", "position", "velocity", "acceleration", "torque", "gear"),
-    *("preparation", "split", "friction"),
-)
+_CLOCK_STUB = """[time]
+# The rate of the logger, which the files do not contain:
+# rate_hz ="""
 MOST_FILES = 12
 """Files of a folder whose columns a skeleton lists."""
-_KEYS = ("description", "robot", "run", "joints", "leave_out")
 
 
 def recipe_text(inspection: Inspection) -> str:
@@ -343,20 +336,9 @@ def recipe_text(inspection: Inspection) -> str:
     for finding in todo:
         text = f"{finding.level}: {finding.sentence}"
         lines += textwrap.wrap(text, 96, initial_indent="#   ", subsequent_indent="#     ")
-    lines.append("")
-    lines += [f"{key} = {toml_value(getattr(plan, key))}" for key in _KEYS if getattr(plan, key)]
-    for name in _TABLES:
-        table = _table(plan, name)
-        if name == "time" and blind:
-            lines += [
-                "",
-                "[time]",
-                "# The rate of the logger, which the files do not contain:",
-                "# rate_hz =",
-            ]
-            continue
-        if table:
-            lines += ["", f"[{name}]", *(f"{key} = {value}" for key, value in table.items())]
+    text = recipe_file.recipe_text(plan.replace(name="", source=Source()))
+    for block in text.rstrip("\n").split("\n\n"):
+        lines += ["", _CLOCK_STUB if blind and block.startswith("[time]") else block.strip("\n")]
     if any(f.kind == "position_range" for f in inspection.findings) and not plan.gear:
         lines += _gear_stub(len(inspection.recording.q[0]))
     return "\n".join(lines) + "\n"
@@ -393,25 +375,6 @@ def skeleton_text(log: str, joints: Sequence[str]) -> str:
     for name, keys in tables.items():
         lines += ["", f"# [{name}]", *(f"# {key}" for key in keys)]
     return "\n".join(lines) + "\n"
-
-
-def _table(plan: Recipe, name: str) -> dict[str, str]:
-    """Entries of one table that are not the default."""
-    if name == "gear":
-        return {"matrix": toml_value(plan.gear)} if plan.gear else {}
-    part = plan.law if name == "torque" and plan.law is not None else getattr(plan, name)
-    if part is None:
-        return {}
-    entries = {}
-    for item in fields(part):
-        value = getattr(part, item.name)
-        default = item.default
-        needed = item.name in {"unit", "columns"} and value not in ("", ())
-        if name == "friction" and item.name == "gear":
-            continue
-        if value is not None and (needed or value != default):
-            entries[item.name] = toml_value(value)
-    return entries
 
 
 def _gear_stub(n: int) -> list[str]:

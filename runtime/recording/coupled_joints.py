@@ -11,6 +11,7 @@ robot has exactly one counterpart; the step is noted. Other differences are stat
 import re
 from collections.abc import Collection, Sequence
 from itertools import takewhile
+from typing import Any
 
 import numpy as np
 
@@ -73,15 +74,17 @@ def _in_order(recording: Recording, lib: Library) -> Recording:
     wanted = renamed_joints(names, robot)
     if wanted in {(), names} or len({*names} & {*lib.all_joint_names}) > len(robot):
         return recording
-    places = [names.index(name) for name in wanted]
-    picked = {
-        key: values[:, places]
-        for key, values in {key: getattr(recording, key) for key in SIGNALS}.items()
-        if values is not None
-    }
-    signals = {key: values[:, places] for key, values in recording.signals.items()}
     sentence = f"Took the joints {', '.join(wanted)} of the log by their names."
-    return recording.replace(**picked, signals=signals, joint_names=robot).noted(sentence)
+    places = [names.index(name) for name in wanted]
+    return _picked(recording, places, joint_names=robot).noted(sentence)
+
+
+def _picked(recording: Recording, places: list[int], **changes: Any) -> Recording:
+    """The recording of the joints at these places, with some fields changed."""
+    of_joints = {key: getattr(recording, key) for key in SIGNALS}
+    picked = {key: x[:, places] for key, x in of_joints.items() if x is not None}
+    signals = {key: x[:, places] for key, x in recording.signals.items()}
+    return recording.replace(**{**picked, "signals": signals, **changes})
 
 
 def _reduced(recording: Recording, lib: Library) -> Recording:
@@ -96,20 +99,12 @@ def _reduced(recording: Recording, lib: Library) -> Recording:
     rows = [k for k, name in enumerate(lib.all_joint_names) if name in names]
     columns = [names.index(lib.all_joint_names[k]) for k in rows]
     _require_agreement(recording, lib, rows, columns, places)
-    changes = {
-        key: None if values is None else values[:, places]
-        for key, values in (("q", recording.q), ("dq", recording.dq), ("ddq", recording.ddq))
-    }
     tau = None
     if recording.tau is not None:
         jacobian = lib.joint_jacobian(recording.q[:, places])[:, rows]
         tau = np.einsum("tk,tkn->tn", recording.tau[:, columns], jacobian)
-    return recording.replace(
-        **changes,
-        tau=tau,
-        signals={key: values[:, places] for key, values in recording.signals.items()},
-        joint_names=lib.joint_names if recording.joint_names else (),
-    ).noted(
+    names_of_robot = lib.joint_names if recording.joint_names else ()
+    return _picked(recording, places, tau=tau, joint_names=names_of_robot).noted(
         f"Reduced {count} joints to the {lib.n_joints} independent ones; torques of the others act "
         "on these by their couplings."
     )

@@ -371,13 +371,11 @@ def _uptime(recording: Recording) -> FloatArray:
     return np.repeat(elapsed[:, None], recording.n_joints, axis=1)
 
 
-def _commanded_torque(recording: Recording) -> FloatArray | None:
-    return recording.tau if recording.torque_source == COMMANDED else None
-
-
 DERIVED = {
     "uptime": DerivedSignal(_uptime, "[time]"),
-    "commanded_torque": DerivedSignal(_commanded_torque, "[torque] with a law"),
+    "commanded_torque": DerivedSignal(
+        lambda r: r.tau if r.torque_source == COMMANDED else None, "[torque] with a law"
+    ),
 }
 """Signals that need no table [extra]: time since the start of the log [s], unless the recipe
 gives that since power-on, and the torque of a control law [N·m, N]."""

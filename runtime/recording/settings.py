@@ -37,56 +37,45 @@ class JointMotion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrictionColumn:
-    """One friction column and what the rooms of the package need of it.
+    """One friction column and what the rooms of the package need of it."""
 
-    Attributes:
-        name: as a user writes it.
-        sentence: its equation.
-        function: motion (N, n) and widths → (N, n) column.
-        widths: names of the widths of `Friction` that it depends on.
-        signals: names of the signals of a log that it needs beside the motion: those of [extra] in
-            the recipe, or of `runtime.recording.recording.DERIVED`.
-        is_linear: linear in q, dq and ddq, so that it may be computed after linear filters.
-        is_constant: independent of the motion.
-        is_passive: takes power from the joint wherever φ ≥ 0.
-        is_nonnegative: φ of a real joint is ≥ 0, whatever the other columns are.
-        is_inertial: the acceleration of the joint or motor, an inertia rather than friction.
-        is_shared: one coefficient for all joints, the column is a torque on each of them.
-        has_memory: depends on the path, not on the present motion alone.
-        takes_memory: depends on the path, too, where a column beside it does.
-        is_torque: the torque of the log itself; fits take that of the model instead
-            (`runtime.identification.single_log`).
-        needs_prior: its scale is that of the inertial prior, which the method has to have.
-        of_motors: at the speed of motors that drive several joints (`friction.coupled_motors`).
-        model_term: term of simulators' joints that it stands for: "damping", "friction" (dry),
-            "armature"; "" where they have none.
-        in_closed_loop: the compiled simulation of the closed loop has it, under this name.
-        secant: speed (n,) and ε → column/dq (n,) and constant part (n,), for the Kalman filters;
-            None where they cannot use it.
-        omitted: what a model file without this column is valid for; "" where nothing is to be said.
-        sentences: joints, φ (n,) and σ (n,), NaN where unknown → sentences for a result.
-    """
-
-    name: str
-    sentence: str
+    name: str  # as a user writes it
+    sentence: str  # its equation
+    # motion (N, n) and widths → (N, n) column
     function: "Callable[[JointMotion, Friction], FloatArray]"
-    widths: tuple[str, ...] = ()
+    widths: tuple[str, ...] = ()  # names of the widths of `Friction` that it depends on
+    # names of the signals of a log that it needs beside the motion: those of [extra] in the recipe,
+    # or of `runtime.recording.recording.DERIVED`
     signals: tuple[str, ...] = ()
+    # linear in q, dq and ddq, so that it may be computed after linear filters
     is_linear: bool = False
-    is_constant: bool = False
-    is_passive: bool = True
-    is_nonnegative: bool = False
+    is_constant: bool = False  # independent of the motion
+    is_passive: bool = True  # takes power from the joint wherever φ ≥ 0
+    is_nonnegative: bool = False  # φ of a real joint is ≥ 0, whatever the other columns are
+    # the acceleration of the joint or motor, an inertia rather than friction
     is_inertial: bool = False
+    # one coefficient for all joints, the column is a torque on each of them
     is_shared: bool = False
-    has_memory: bool = False
-    takes_memory: bool = False
+    has_memory: bool = False  # depends on the path, not on the present motion alone
+    takes_memory: bool = False  # depends on the path, too, where a column beside it does
+    # the torque of the log itself; fits take that of the model instead
+    # (`runtime.identification.single_log`)
     is_torque: bool = False
+    # its scale is that of the inertial prior, which the method has to have
     needs_prior: bool = False
+    # at the speed of motors that drive several joints (`friction.coupled_motors`)
     of_motors: bool = False
+    # term of simulators' joints that it stands for: "damping", "friction" (dry), "armature"; ""
+    # where they have none
     model_term: str = ""
+    # the compiled simulation of the closed loop has it, under this name
     in_closed_loop: bool = False
+    # speed (n,) and ε → column/dq (n,) and constant part (n,), for the Kalman filters; None where
+    # they cannot use it
     secant: Callable[[FloatArray, float], tuple[FloatArray, FloatArray]] | None = None
+    # what a model file without this column is valid for; "" where nothing is to be said
     omitted: str = ""
+    # joints, φ (n,) and σ (n,), NaN where unknown → sentences for a result
     sentences: Callable[[Sequence[str], FloatArray, FloatArray], tuple[str, ...]] | None = None
 
 

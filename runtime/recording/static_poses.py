@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from runtime.recording.preprocessing.segments import runs
 from runtime.recording.recording import FloatArray, Recording
 
 REST_SPEED = 0.02
@@ -75,9 +76,8 @@ def _still(recording: Recording) -> np.ndarray:
 def _visits(recording: Recording, still: np.ndarray) -> list[_Visit]:
     """Rests of at least `LEAST_S`, in the order of time."""
     t, q, tau = recording.t, recording.q, recording.required("tau")
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
     visits = []
-    for first, end in zip(edges[::2], edges[1::2], strict=True):
+    for first, end in runs(still):
         if t[end - 1] - t[first] < LEAST_S:
             continue
         mean = q[first:end].mean(axis=0)

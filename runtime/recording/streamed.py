@@ -68,7 +68,8 @@ class StreamedRecording:
     def recording_of(self, raw: "RawRows") -> Recording:
         """Usable rows in SI units and on the joint side; any thread may convert its rows."""
         lines = np.arange(raw.start, raw.stop, dtype=np.int64)
-        tables = {k: LogTable(v, lines) for k, v in sorted(raw.values.items(), key=_time_first)}
+        parts = sorted(raw.values.items(), key=lambda part: part[0] != "time")  # time first
+        tables = {kind: LogTable(values, lines) for kind, values in parts}
         data = converted(self.plan, tables, first_row=raw.start, origin=self.origin)
         recording = Recording(
             t=data.t,
@@ -179,7 +180,3 @@ def open_log(
         with suppress(RecordingError):  # compressed or damaged: `read_recording` says which
             return open_streamed(path, recipe, run, joints)
     return read_recording(path, recipe, run, joints)
-
-
-def _time_first(item: tuple[str, object]) -> bool:
-    return item[0] != "time"

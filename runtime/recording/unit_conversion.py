@@ -148,7 +148,7 @@ def _joint_side(
         raise RecordingError(
             f"[{kind}] order names {len(order)} joints, but the file has {n}; name every joint"
         )
-    units = (signal.unit,) if isinstance(signal.unit, str) else signal.unit
+    units = signal.units
     unit = per_joint(kind, "unit", [UNITS[kind][each] for each in units], n)
     factor = unit * per_joint(kind, "sign", signal.sign, n)
     if signal.gain is not None:
@@ -197,8 +197,7 @@ def _extra(name: str, signal: Signal, raw: FloatArray, n: int) -> FloatArray:
             f"[{kind}] expects one column or {n}, got {width}; name one per joint or one for the "
             "robot"
         )
-    units = (signal.unit,) if isinstance(signal.unit, str) else signal.unit
-    unit = per_joint(kind, "unit", [EXTRA_UNITS[each] for each in units], width)
+    unit = per_joint(kind, "unit", [EXTRA_UNITS[each] for each in signal.units], width)
     gain = 1.0 if signal.gain is None else per_joint(kind, "gain", signal.gain, width)
     sign, offset = (per_joint(kind, key, getattr(signal, key), width) for key in ("sign", "offset"))
     values = (raw[:, list(signal.order or range(width))] * sign * gain + offset) * unit

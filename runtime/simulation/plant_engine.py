@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from runtime.common.optional import optional
 from runtime.errors import SimulationError
 from runtime.library import Array, Library
 from runtime.library.manifest import JointFacts
@@ -108,7 +109,7 @@ def engine(
             f"joints of '{lib.name}' follow others, which this model in MuJoCo has no equalities "
             "for; use runtime.simulation.plant_engine, or lock the joints when you build"
         )
-    mujoco = _mujoco()
+    mujoco = optional("mujoco", "the virtual robot", "simulation", SimulationError)
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
     spec.option.timestep = step
@@ -135,17 +136,6 @@ def engine(
         raise SimulationError(f"MuJoCo refuses the robot '{lib.name}': {reason}") from None
     places = np.array([model.joint(name).dofadr[0] for name in lib.joint_names])
     return Engine(mujoco, model, mujoco.MjData(model), places)
-
-
-def _mujoco() -> Any:
-    try:
-        import mujoco
-    except ImportError:
-        raise SimulationError(
-            "the virtual robot needs MuJoCo, which is not installed; "
-            "run: pip install 'symgen[simulation]'"
-        ) from None
-    return mujoco
 
 
 def _add_joint(mujoco: Any, body: Any, joint: JointFacts, armature: float, ranges: bool) -> None:

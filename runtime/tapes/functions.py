@@ -1,6 +1,5 @@
 """`runtime.torch` and `runtime.jax`: dynamics of one robot on arrays of either."""
 
-import importlib.util
 from abc import ABC, abstractmethod
 from importlib import import_module
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.common.optional import optional
 from runtime.errors import LibraryError, ShapeError
 from runtime.library import Library, require_library
 from runtime.tapes.derivatives import Tensor
@@ -224,9 +224,6 @@ def jax(lib: Library) -> TapeFunctions:
 
 
 def _functions(name: str, module: str, lib: Library) -> TapeFunctions:
-    if importlib.util.find_spec(name) is None:
-        raise LibraryError(
-            f"expected {name} to be installed, found none; run: pip install 'symgen[{name}]'"
-        )
+    optional(name, "a differentiable robot", name, LibraryError)
     functions: TapeFunctions = import_module(module).Functions(lib)
     return functions

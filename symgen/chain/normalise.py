@@ -32,32 +32,26 @@ def note_gravity(gravity: np.ndarray, start: str, end: str, note: Callable[[str]
 
 @dataclass(frozen=True, slots=True)
 class ChainOptions:
-    """Changes to a URDF that the user requests.
+    """Changes to a URDF that the user requests."""
 
-    Attributes:
-        base: link that becomes the fixed base; None keeps the root.
-        tip: link that ends the chain; links beyond it are cut off, not lumped.
-        gravity: m/s² in the frame of the base link; None takes (0, 0, −9.81) in the root frame.
-        locks: joint name → value (rad, m) at which the joint becomes part of its parent.
-        snap: rad; rpy angles within this of a multiple of π/2 are replaced by the multiple.
-        removed: links that an earlier cut has taken from this URDF, to be reported with the rest.
-        masses: link → kg, for links without <inertial>; empty: placeholders where no moving link
-            has one (`assumed_bodies`); None: a moving link without mass is refused.
-        assumed: link → origin of a body that an earlier build has assumed, to be reported again.
-        mechanism: couplings, springs and torque curves of a mechanism file.
-        floating: True frees the base; gravity is then given in the world's frame.
-    """
-
-    base: str | None = None
-    tip: str | None = None
+    base: str | None = None  # link that becomes the fixed base; None keeps the root
+    tip: str | None = None  # link that ends the chain; links beyond it are cut off, not lumped
+    # m/s² in the frame of the base link; None takes (0, 0, −9.81) in the root frame
     gravity: tuple[float, float, float] | None = None
+    # joint name → value (rad, m) at which the joint becomes part of its parent
     locks: dict[str, float] = field(default_factory=dict)
+    # rad; rpy angles within this of a multiple of π/2 are replaced by the multiple
     snap: float = 0.0
+    # links that an earlier cut has taken from this URDF, to be reported with the rest
     removed: tuple[str, ...] = ()
+    # link → kg, for links without <inertial>; empty: placeholders where no moving link has one
+    # (`assumed_bodies`); None: a moving link without mass is refused
     masses: dict[str, float] | None = None
+    # link → origin of a body that an earlier build has assumed, to be reported again
     assumed: dict[str, str] = field(default_factory=dict)
+    # couplings, springs and torque curves of a mechanism file
     mechanism: Mechanism = field(default_factory=Mechanism)
-    floating: bool = False
+    floating: bool = False  # True frees the base; gravity is then given in the world's frame
 
 
 def normalise(text: str, options: ChainOptions) -> tuple[Document, np.ndarray, tuple[str, ...]]:

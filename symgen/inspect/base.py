@@ -5,12 +5,12 @@ reads the file. T adds the links that are fixed together to the link that carrie
 """
 
 from dataclasses import dataclass
-from xml.etree.ElementTree import Element, SubElement
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from symgen.chain import Chain, ChainOptions, read_chain
-from symgen.chain.document import MOVING, Document, numbers
+from symgen.chain.document import MOVING, Document, add_inertial, numbers
 from symgen.errors import UrdfError
 from symgen.inspect.model import Array, Model, pi_of, pseudo_of
 from symgen.mechanics import inertia
@@ -97,14 +97,7 @@ def _unit_bodies(text: str) -> Document:
             link.remove(node)
         joint = document.parent_joint.get(name)
         if joint is not None and document.kind(joint) in MOVING:
-            unit = SubElement(link, "inertial")
-            SubElement(unit, "mass", {"value": "1"})
-            SubElement(
-                unit,
-                "inertia",
-                {f"i{a}": "1" for a in ("xx", "yy", "zz")}
-                | {f"i{a}": "0" for a in ("xy", "xz", "yz")},
-            )
+            add_inertial(link, 1.0, np.zeros(3), np.eye(3))
     return document
 
 

@@ -98,15 +98,10 @@ THIN = 1e-2
 ROUND = 0.1
 """The same of the body that defines the distance: rounder, so that no direction is stiff."""
 KEPT = 1e-7
-"""Relative change of torque up to which the base parameters count as kept.
-
-The cone solver leaves about 1e-9.
-"""
+"""Relative change of torque up to which β counts as kept; the cone solver leaves about 1e-9."""
 SLACK = 0.25
-"""Part of the smallest possible torque change that is added to stay near the file.
-
-The minimum itself needs absurd bodies (centres of mass 10 cm away on the FR3 of 2023).
-"""
+"""Part of the smallest torque change that is added to stay near the file: the minimum itself needs
+absurd bodies (centres of mass 10 cm away on the FR3 of 2023)."""
 STILL = 1e-5
 """Relative change below which a consistent link is left as written; the solver leaves 1e-6."""
 _SVEC = tuple((i, j) for j in range(4) for i in range(j + 1))

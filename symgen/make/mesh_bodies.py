@@ -26,8 +26,7 @@ from symgen.ros.packages import Packages
 DEFAULT = "default"
 """Key of the density of all links that the file does not name."""
 _MERGED = 1e-6
-"""Distance of two corners that are one, over the size of the mesh: STL repeats them in single
-precision."""
+"""Distance of two corners that are one, over the size of the mesh: STL has single precision."""
 
 Array = np.ndarray
 

@@ -173,24 +173,14 @@ def smooth_goal(target: Measure) -> Goal:
     return Goal(((normalised(d_optimal), 100), (target, 250)), target)
 
 
-def relative_error(lib: Library, information: Information) -> Measure:
-    """Log of the RMS over the unknowns of σ_k / size_k."""
-    return log_variance(_relative_weights(lib, information))
-
-
 def _relative_weights(lib: Library, information: Information) -> Array:
     """Q, (k, k), with which tr(Q G⁻¹) is the mean square of σ_k / size_k."""
     size = sizes(lib, information)
     return np.diag(1 / size**2) / len(size)
 
 
-def torque_error(lib: Library, home: Array, information: Information) -> Measure:
-    """Log of the RMS over unseen motions of the torque error |Y_b δβ|, all joints together."""
-    return log_variance(_torque_weights(lib, home, information))
-
-
 def _torque_weights(lib: Library, home: Array, information: Information) -> Array:
-    """Q, (k, k), with which tr(Q G⁻¹) is the mean square of the torque error."""
+    """Q, (k, k), with which tr(Q G⁻¹) is the mean square of |Y_b δβ| over unseen motions."""
     seen = unseen_torque(lib, home)
     if information.columns is None:
         return seen
@@ -217,11 +207,11 @@ def _cond(*_: object) -> Goal:
 
 
 def _relative(lib: Library, _home: Array, information: Information | None) -> Goal:
-    return smooth_goal(relative_error(lib, _known(information)))
+    return smooth_goal(log_variance(_relative_weights(lib, _known(information))))
 
 
 def _prediction(lib: Library, home: Array, information: Information | None) -> Goal:
-    return smooth_goal(torque_error(lib, home, _known(information)))
+    return smooth_goal(log_variance(_torque_weights(lib, home, _known(information))))
 
 
 def _volume(*_: object) -> Goal:

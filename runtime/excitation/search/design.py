@@ -191,8 +191,7 @@ def _done(search: Search, task: Task) -> Started:
 
 
 NEARLY = 0.01
-"""Log target above the best below which a start is nearly as good: the last polish on the fine grid
-changes it as much."""
+"""Log target above the best below which a start is as good: the last polish changes it so."""
 Ended = dict[int, tuple[float, Array]]
 """Target and coefficients (n, M) of every start and variation that ended, by number."""
 

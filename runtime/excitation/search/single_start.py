@@ -169,10 +169,8 @@ SMOOTH_TOLERANCE = 1e-4
 """Decrease of a smooth criterion below which a descent ends. Half of the steps of a random start
 gain less; `Search.refined` descends the best one to the end."""
 RETURNED = 0.3
-"""RMS of coordinates below which a variation counts as its parent.
-
-A smooth stage ends 0.04 to 0.3 from its own polished optimum, 0.5 and more from others.
-"""
+"""RMS of coordinates below which a variation counts as its parent: a smooth stage ends 0.04 to 0.3
+from its own polished optimum, 0.5 and more from others."""
 SHRUNK, SHRINKS = 0.8, 60
 """Factor of one shrinking, and the largest number: 1e-6 of the limits of joints is no motion."""
 LEAST = 1e-3

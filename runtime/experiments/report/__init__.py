@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from runtime.common.files import replacing, write_text
+from runtime.common.files import write_text
 from runtime.experiments.report.drawing import paths_of, write_pictures
 from runtime.experiments.report.labels import short_hash, tables
 from runtime.experiments.report.page import caption, experiments_page, headline, write_readme
@@ -20,22 +20,7 @@ def write_experiments(
     readme: Path | None = None,
     command: str = "",
 ) -> tuple[Path, ...]:
-    """Write the page and the requested tables and figures of a folder of finished studies.
-
-    Args:
-        folder: output folder of `reproduce`.
-        out: HTML file to write.
-        tables_to: Markdown file of all tables.
-        figures_to: folder of PNG files.
-        readme: Markdown file whose marked section is replaced, see `write_readme`.
-        command: command line that the section quotes.
-
-    Returns:
-        The files.
-
-    Raises:
-        RuntimeFault: a study is damaged, none is finished, or a file cannot be written.
-    """
+    """Write the page and the requested tables and figures of a folder of finished studies."""
     experiments, notes = read_experiments(folder)
     written = [write_page(experiments_page(experiments, notes), out)]
     if tables_to is not None:
@@ -49,18 +34,7 @@ def write_experiments(
 
 
 def picture_paths(folder: Path, figures_to: Path) -> tuple[Path, ...]:
-    """Files that `write_experiments` writes into the folder of figures.
-
-    Args:
-        folder: output folder of `reproduce`.
-        figures_to: folder of PNG files.
-
-    Returns:
-        Paths of the PNG files.
-
-    Raises:
-        RuntimeFault: a study is damaged, or none is finished.
-    """
+    """Files that `write_experiments` writes into the folder of figures."""
     return tuple(path for _, _, path in paths_of(read_experiments(folder)[0], figures_to))
 
 
@@ -82,13 +56,3 @@ def all_tables(experiments: tuple[Experiment, ...]) -> str:
 
 
 EXPERIMENTS = ReportKind("experiments", is_experiments, picture_paths, write_experiments)
-
-__all__ = [
-    "EXPERIMENTS",
-    "all_tables",
-    "is_experiments",
-    "picture_paths",
-    "read_experiments",
-    "replacing",
-    "write_experiments",
-]

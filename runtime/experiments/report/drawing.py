@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from markupsafe import Markup
 
-from runtime.common.files import replacing
 from runtime.experiments.report.labels import DOCUMENT, case_name, cases_of, curve_name, method_name
 from runtime.experiments.report.reading import Array, Experiment, MetricKey, Value
 from runtime.experiments.study import View
@@ -25,9 +24,8 @@ from runtime.outputs.report.canvas import (
     PURPLE,
     SKY,
     VERMILION,
-    blank,
     page_figure,
-    settings,
+    picture,
     svg,
     thinned,
 )
@@ -46,7 +44,8 @@ def write_pictures(experiments: tuple[Experiment, ...], folder: Path) -> tuple[P
     """Write all figures as `fig-5.1.png` and so on."""
     written = []
     for experiment, view, path in paths_of(experiments, folder):
-        write_picture(experiment, view, path, (_WIDTH, height(experiment, view)), DPI)
+        with picture(path, (_WIDTH, height(experiment, view)), DPI) as figure:
+            draw(figure, experiment, view)
         written.append(path)
     return tuple(written)
 
@@ -60,16 +59,6 @@ def paths_of(
         for experiment in experiments
         for view in filter(has_figure, experiment.views)
     )
-
-
-def write_picture(
-    experiment: Experiment, view: View, path: Path, size: tuple[float, float], dpi: float
-) -> None:
-    """Write one figure."""
-    with blank(size, settings(), dpi) as figure:
-        draw(figure, experiment, view)
-        with replacing(path) as file:
-            figure.savefig(file, format="png", metadata={"Software": None})
 
 
 LINES = (

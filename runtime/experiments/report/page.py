@@ -14,7 +14,7 @@ import numpy as np
 from runtime.common.files import write_text
 from runtime.common.tables import Table
 from runtime.errors import RuntimeFault
-from runtime.experiments.report.drawing import has_figure, inline, write_picture
+from runtime.experiments.report.drawing import draw, has_figure, inline
 from runtime.experiments.report.labels import (
     AIRM,
     NOTHING,
@@ -28,6 +28,7 @@ from runtime.experiments.report.labels import (
 )
 from runtime.experiments.report.reading import WANTED, Experiment
 from runtime.experiments.study import View
+from runtime.outputs.report.canvas import picture
 from runtime.outputs.report.page import Page, Section, Tile
 
 BEGIN, END = "<!-- reproduce -->", "<!-- /reproduce -->"
@@ -71,7 +72,8 @@ def _pictures(experiments: tuple[Experiment, ...], folder: Path) -> list[tuple[s
     for name in [name for name in CHOICE if name in there][:PICTURES]:
         experiment, view = there[name]
         path = folder / f"{name}.png"
-        write_picture(experiment, view, path, _SIZE, _DPI)
+        with picture(path, _SIZE, _DPI) as figure:
+            draw(figure, experiment, view)
         if path.stat().st_size > LARGEST_PICTURE:
             raise RuntimeFault(
                 f"expected at most {LARGEST_PICTURE} bytes in '{path}', got {path.stat().st_size}; "
@@ -170,7 +172,6 @@ def experiments_page(experiments: tuple[Experiment, ...], notes: tuple[str, ...]
         title="Experiments of the document, reproduced",
         subtitle="tables and figures beside the published numbers",
         headline=headline(experiments),
-        status="",
         notes=notes,
         warnings=tuple(_warnings(experiments)),
         tiles=_tiles(experiments),

@@ -150,11 +150,6 @@ IDEAL_CASES = {
 }
 
 
-def _ideal_finish(setup: MonteCarloSetup, rows: list[Row]) -> StudyOutcome:
-    """Mean AIRM over the iterations of Adam."""
-    return StudyOutcome(bands(setup, rows), data_facts(setup))
-
-
 def _figure(name: str, case: Case) -> View:
     """View of one of Figs. 5.1 to 5.3."""
     return View(
@@ -171,7 +166,7 @@ IDEAL = monte_carlo(
     "ideal",
     "Ideal case: noise-free data, perturbed initial guess",
     IDEAL_CASES,
-    _ideal_finish,
+    lambda setup, rows: StudyOutcome(bands(setup, rows), data_facts(setup)),
     views=(
         *final_tables(("table-5.2", "table-5.3"), "Ideal conditions", IDEAL_CASES),
         *(_figure(f"fig-5.{k}", case) for k, case in enumerate(IDEAL_CASES, start=1)),

@@ -31,11 +31,9 @@ from runtime.recording.rest_speeds import rest_speeds
 REPEATED = 0.002
 """Share of the rows that may repeat the one before, while the arm moves, without a finding."""
 HOLE_S = 0.1
-"""Length [s] from which on a pause of more than ten steps is a hole; shorter ones are dropped
-samples."""
+"""Length [s] from which on a pause of more than ten steps is a hole, not dropped samples."""
 BETTER = 0.7
-"""Misfit of Δq = v Δt on the rebuilt clock over that on the logged one, below which the rebuilt
-clock is proposed."""
+"""Misfit of Δq = v Δt on the rebuilt over that on the logged clock, below which it is proposed."""
 COUNTABLE = 0.15
 """Misfit of Δq = v Δt on the rebuilt clock, below which its ticks are certain enough to count."""
 BRIDGED_S = 0.06
@@ -180,11 +178,18 @@ def _left_out(recording: Recording, plan: Recipe) -> NDArray[np.bool_]:
 def _lost(recording: Recording, preparation: Preparation) -> tuple[Preparation, list[Finding]]:
     """Rows lost before the log was stamped, and the clock rebuilt from Δq = v Δt where it fits."""
     findings = [] if preparation.clock_tick is not None else lost_rows(recording)
-    tick = _tick(recording) if findings else None
-    fit = _fit_of_clocks(recording, tick) if tick is not None else None
+    return _rebuilt(recording, preparation)[0] if findings else preparation, findings
+
+
+def _rebuilt(
+    recording: Recording, preparation: Preparation
+) -> tuple[Preparation, float | None, tuple[float, float, int] | None]:
+    """The preparation with the rebuilt clock where it fits better, its tick and the fits."""
+    tick = _tick(recording)
+    fit = None if tick is None else _fit_of_clocks(recording, tick)
     if tick is not None and fit is not None and fit[1] < BETTER * fit[0]:
         preparation = replace(preparation, clock_tick=tick, max_gap_s=20 * tick)
-    return preparation, findings
+    return preparation, tick, fit
 
 
 def _stale(
@@ -212,9 +217,8 @@ def _stale(
     if preparation.clock_tick is not None:
         remedy = f"clock_tick = {preparation.clock_tick:g} of the recipe drops them"
         return preparation, [_repeated(INFO, count, share, remedy, evidence)]
-    tick = _tick(recording)
+    preparation, tick, fit = _rebuilt(recording, preparation)
     remedy = "write clock_tick under [preparation] if the controller's period is known"
-    fit = None if tick is None else _fit_of_clocks(recording, tick)
     if tick is not None and fit is None:
         remedy = (
             "the logged velocities do not rebuild its clock, so the rows stay; use a low-pass far "
@@ -223,8 +227,7 @@ def _stale(
     elif tick is not None and fit is not None:
         before, rebuilt, skipped = fit
         evidence |= {"misfit_logged": before, "misfit_rebuilt": rebuilt, "tick_s": tick}
-        if rebuilt < BETTER * before:
-            preparation = replace(preparation, clock_tick=tick, max_gap_s=20 * tick)
+        if preparation.clock_tick is not None:
             evidence["skipped_ticks"] = skipped
             remedy = (
                 f"without them, and on a clock rebuilt from Δq = v Δt in ticks of {1e3 * tick:g} "

@@ -8,7 +8,6 @@ over the permutations P that keep the joints within their limits. E needs neithe
 """
 
 import itertools
-from dataclasses import replace
 from math import factorial
 
 import numpy as np
@@ -22,7 +21,6 @@ from runtime.inspection.checks.torque_rows import TorqueRows
 from runtime.inspection.finding import INFO, WARNING, Finding, joint_list, numbers
 from runtime.library import Array, Library
 from runtime.recording import Recipe, Recording
-from runtime.recording.recipes.recipe import Signal
 
 MOST_ORDERS = 5040
 """Largest number of permutations that are all tried."""
@@ -64,10 +62,7 @@ def joint_order(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recip
     reason = (
         "the present order exceeds the limits" if not fits else f"{stands:.2f} in the present order"
     )
-    changes = {
-        kind: replace(signal, order=tuple(int((signal.order or tuple(range(n)))[k]) for k in best))
-        for kind, signal in plan.signals().items()
-    }
+    changes = {kind: signal.reordered(best) for kind, signal in plan.signals().items()}
     sentence = (
         f"the joints are in another order than in the model: with the columns {columns} "
         f"(counted from 0) limits and gravity torque fit (mismatch {least:.2f}; {reason}); "
@@ -234,23 +229,10 @@ def _corrected(plan: Recipe, fault: ColumnFault) -> Recipe:
     if fault.kind in {faults.TORQUE_SIGN, faults.POSITION_SIGN, faults.BOTH_SIGN}:
         sign[list(fault.joints)] = -1.0
     of_torque = {faults.TORQUE_SIGN, faults.TORQUE_ORDER}
+    in_order = fault.order == tuple(range(len(fault.order)))
     changes = {
-        kind: _changed(each, sign, fault.order)
+        kind: each.signed(sign) if in_order else each.reordered(fault.order)
         for kind, each in plan.signals().items()
         if fault.kind == faults.BOTH_SIGN or (kind == "torque") == (fault.kind in of_torque)
     }
     return plan.replace(**changes)
-
-
-def _changed(signal: Signal, sign: Array, order: tuple[int, ...]) -> Signal:
-    """The signal with other signs and order; offsets are added after the sign and change theirs."""
-    if order != tuple(range(len(order))):
-        base = signal.order or tuple(range(len(order)))
-        return replace(signal, order=tuple(int(base[k]) for k in order))
-    present = np.broadcast_to(np.asarray(signal.sign, dtype=float), sign.shape)
-    offset = np.broadcast_to(np.asarray(signal.offset, dtype=float), sign.shape) * sign
-    return replace(
-        signal,
-        sign=tuple(float(x) for x in present * sign),
-        offset=tuple(float(x) for x in offset) if offset.any() else 0.0,
-    )

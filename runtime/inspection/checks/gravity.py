@@ -43,6 +43,7 @@ from runtime.estimators.regression.causes import potential_rows
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.estimators.regression.factor import reduced_of
 from runtime.estimators.regression.posterior import least_squares, orthonormal, posterior_of
+from runtime.estimators.regression.samples import Samples
 from runtime.inspection.checks.torque_rows import EPSILON, TorqueRows
 from runtime.inspection.finding import ERROR, WARNING, Finding, joint_list
 from runtime.library import Array, Library
@@ -59,7 +60,7 @@ MUCH = 0.6
 ALIKE = 1.3
 """Residual of another sign over the best one, below which the data do not decide."""
 FEW = 250
-"""Rows of the consistent fits; more do not change the decision."""
+"""Rows of the fits; more do not change the decision."""
 TURNED = 0.02
 """Residual over torque from which on another direction is considered: a tilt of 2°."""
 _NAMES = {1.0: "as in the model", 0.0: "absent", -1.0: "reversed"}
@@ -238,25 +239,29 @@ def _name(trial: SignTrial) -> str:
     return f"{sign} and gravity {_NAMES[trial.gravity]}"
 
 
-def _trials(torque_rows: TorqueRows) -> list[SignTrial]:
-    """Fit consistent bodies, and unconstrained parameters, to ±τ with gravity s g."""
+def _thinned(torque_rows: TorqueRows) -> tuple[Samples, Array, Array, Array]:
+    """Some samples with Y, Y_g and the friction columns, (N, n, …) each."""
     lib, s = torque_rows.lib, torque_rows.samples
     step = max(1, len(s) // FEW)
     few = s.rows(slice(None, None, step))
-    n = lib.n_joints
     still = np.zeros_like(few.q)
+    friction = torque_rows.friction_rows().reshape(len(s), lib.n_joints, -1)[::step]
     full = lib.regressor(few.q, few.dq, few.ddq)
-    falls = lib.regressor(few.q, still, still)
+    return few, full, lib.regressor(few.q, still, still), friction
+
+
+def _trials(torque_rows: TorqueRows) -> list[SignTrial]:
+    """Fit consistent bodies, and unconstrained parameters, to ±τ with gravity s g."""
+    lib, (few, full, falls, friction) = torque_rows.lib, _thinned(torque_rows)
     weights = 1.0 / np.sqrt(np.mean(few.tau**2, axis=0) + 0.01 * np.mean(few.tau**2))
     target = (few.tau * weights).ravel()
     size = max(float(np.linalg.norm(target)), 1e-300)
     # Friction columns are projected out, so that only the bodies are constrained.
-    friction = torque_rows.friction_rows().reshape(len(s), n, -1)[::step] * weights[:, None]
-    basis = np.linalg.qr(friction.reshape(len(few) * n, -1))[0]
+    basis = np.linalg.qr((friction * weights[:, None]).reshape(target.size, -1))[0]
     target = target - basis @ (basis.T @ target)
     prior, trials = prior_of(lib), {}
     for scale in GRAVITIES:
-        rows = ((full + (scale - 1.0) * falls) * weights[:, None]).reshape(len(few) * n, -1)
+        rows = ((full + (scale - 1.0) * falls) * weights[:, None]).reshape(target.size, -1)
         rows = rows - basis @ (basis.T @ rows)
         _, rest = least_squares(rows, target)
         free = float(np.linalg.norm(rest)) / size
@@ -276,11 +281,8 @@ TILTED, SLIGHTLY = 0.6, 0.4
 is reported: where much of the torque is unexplained, and where little is."""
 UNEXPLAINED, LITTLE = 0.1, 0.02
 """Residual over torque of the two cases. A tilt by the angle a leaves about a / 2."""
-THINNED = 250
-"""Rows of the fits; more do not change the direction."""
 AXIS = np.cos(np.radians(12.0))
-"""Cosine to an axis of the base from which on the arm counts as mounted along it: the fit errs by
-some degrees."""
+"""Cosine to an axis from which on the arm counts as mounted along it: the fit errs by degrees."""
 G = 9.81
 """m/s², for a model without gravity."""
 _SMALLEST = np.radians(1.0)
@@ -289,18 +291,12 @@ _SMALLEST = np.radians(1.0)
 
 def other_direction(torque_rows: TorqueRows, evidence: dict) -> list[Finding]:
     """Base on a wall or tilted: gravity off the model's direction fits much better."""
-    lib, s = torque_rows.lib, torque_rows.samples
-    few = s.rows(slice(None, None, max(1, len(s) // THINNED)))
-    still = np.zeros_like(few.q)
+    lib, (few, full, falls, friction) = torque_rows.lib, _thinned(torque_rows)
     try:
-        turns = list(potential_rows(lib, few.q).reshape(3, len(few) * lib.n_joints, -1))
-        inertial = lib.regressor(few.q, few.dq, few.ddq) - lib.regressor(few.q, still, still)
+        turns = list(potential_rows(lib, few.q).reshape(3, few.tau.size, -1))
     except RuntimeFault:
         return []
-    count = len(few) * lib.n_joints
-    step = max(1, len(s) // THINNED)
-    friction = torque_rows.friction_rows().reshape(len(s), lib.n_joints, -1)[::step]
-    common = np.hstack([inertial.reshape(count, -1), friction.reshape(count, -1)])
+    common = np.concatenate([full - falls, friction], axis=2).reshape(few.tau.size, -1)
     fit = _Fit(common, turns, few.tau.ravel())
     size = float(np.linalg.norm(lib.gravity)) or G
     present = lib.gravity / size if lib.gravity.any() else np.array([0.0, 0.0, -1.0])
@@ -311,8 +307,7 @@ def other_direction(torque_rows: TorqueRows, evidence: dict) -> list[Finding]:
     left = fit.residual(best)
     if left > (SLIGHTLY if along < UNEXPLAINED else TILTED) * along:
         return []
-    falls = lib.inverse_dynamics(few.q, still, still, lib.pi0).ravel()
-    vector = size * best * fit.sign(best, present, falls)
+    vector = size * best * fit.sign(best, present, (falls @ lib.pi0).ravel())
     return [_finding(lib, vector, size, (along, left), evidence)]
 
 

@@ -34,8 +34,7 @@ APART = 10
 ALIKE = 0.5
 """Smaller over larger jump of a displacement: q moves on between them."""
 FASTER = 2.0
-"""Step across a gap of the clock over that at the largest speed of the log, above which it is a
-jump."""
+"""Step across a gap over that at the largest speed of the log, above which it is a jump."""
 BEYOND = 1.2
 """Torque over the limit of effort from which on it cannot be one of the drive."""
 FEWEST_ROWS = 50

@@ -11,8 +11,6 @@ filter delays dq, friction and Coriolis torque against q and τ; without the col
 differentiated from q with the filter of the other signals.
 """
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
@@ -251,8 +249,7 @@ def velocity_pairs(
     if len(moved) > 1 and sorted(order[moved]) == moved and (best - present)[moved].mean() > GAINED:
         final = np.arange(n)
         final[moved] = order[moved]
-        present_order = changes.order or tuple(range(n))
-        changes = replace(changes, order=tuple(int(present_order[k]) for k in final))
+        changes = changes.reordered(final)
         columns = ", ".join(str(k) for k in changes.order)
         sentence = (
             f"the velocities belong to other joints: the derivative of q matches the columns "
@@ -266,8 +263,7 @@ def velocity_pairs(
         final = np.arange(n)
     against = [j for j in range(n) if alike[j, j] < -ALIKE]
     if against:
-        sign = np.where(np.isin(np.arange(n), against), -1.0, 1.0) * np.asarray(changes.sign)
-        changes = replace(changes, sign=tuple(map(float, sign)))
+        changes = changes.signed([-1.0 if j in against else 1.0 for j in range(n)])
         sentence = (
             f"dq is opposite to the derivative of q at {joint_list(lib.joint_names, against)} "
             f"(correlation {min(alike[j, j] for j in against):.2f}): one of the two has the "

@@ -20,8 +20,7 @@ from runtime.recording.recipes.recipe import UNITS, Signal
 TINY = 0.06
 """Span [rad] below which the numbers may be radians that were read as degrees."""
 DOUBT = 0.8
-"""Mismatch of τ with the gravity torque above which degrees are rejected though the limits allow
-them."""
+"""Mismatch of τ with gravity above which degrees are rejected though the limits allow them."""
 LOADED, DRIVEN, SHOWN, DENSE = 0.5, 0.2, 0.8, 900
 """Of the joints whose gravity torque is this share of the largest one: squared residual of a drive
 alone over the variance of τ, up to which drives take nearly all of it (0.02 Z1, 0.11 TX40); squared
@@ -182,17 +181,9 @@ def _turned(q: Array, lib: Library) -> list[int]:
 
 def _with_signs(plan: Recipe, joints: list[int], lib: Library) -> tuple[Recipe, Finding]:
     """The plan with the opposite sign of q and dq of these joints, and its finding."""
-    n = lib.n_joints
-    sign = np.where(np.isin(np.arange(n), joints), -1.0, 1.0)
-    changes = {
-        kind: replace(
-            each,
-            sign=tuple(float(s) for s in np.broadcast_to(np.asarray(each.sign), (n,)) * sign),
-            offset=tuple(float(x) for x in np.broadcast_to(np.asarray(each.offset), (n,)) * sign),
-        )
-        for kind, each in plan.signals().items()
-        if kind in {"position", "velocity"}
-    }
+    sign = np.where(np.isin(np.arange(lib.n_joints), joints), -1.0, 1.0)
+    moved = {k: x for k, x in plan.signals().items() if k in {"position", "velocity"}}
+    changes = {kind: each.signed(sign) for kind, each in moved.items()}
     names = joint_list(lib.joint_names, joints)
     sentence = (
         f"position and velocity of {names} have the opposite sign of the model's joint: as they "
@@ -275,7 +266,6 @@ def gravity_mismatch(q: Array, tau: Array, lib: Library) -> float:
 
 def _rescaled(kind: str, signal: Signal, factor: float) -> Signal:
     """The signal in the unit that is `factor` times its present unit."""
-    unit = signal.unit if isinstance(signal.unit, str) else signal.unit[0]
-    wanted = UNITS[kind][unit] * factor
+    wanted = UNITS[kind][signal.units[0]] * factor
     best = min(_ANGULAR[kind], key=lambda u: abs(np.log(UNITS[kind][u] / wanted)))
     return replace(signal, unit=best)

@@ -27,11 +27,9 @@ def compare_reloaded(model: IdentifiedModel, reloaded: Reloaded | None, install:
         read = getattr(reloaded, quantity)
         for k, value in enumerate(getattr(model.friction, quantity) if read is not None else ()):
             if value is not None and abs(read[k] - value) > TOLERANCE * value:
-                raise ExportError(
-                    f"not written: reloaded by {reloaded.engine}, the {quantity} of joint "
-                    f"'{lib.joint_names[k]}' is {read[k]:g}, expected {value:g}; "
-                    "report this as a fault of symgen"
-                )
+                name = lib.joint_names[k]
+                what = f"the {quantity} of joint '{name}' is {read[k]:g}, expected {value:g}"
+                raise reloaded_fault(reloaded.engine, what)
     return verified(reloaded.engine, difference, len(reloaded.tau))
 
 
@@ -56,6 +54,13 @@ def verified(engine: str, difference: float, states: int = STATES) -> str:
     return (
         f"verified: reloaded by {engine}, torques agree to {difference:.1e} of the largest torque "
         f"at {states} random states"
+    )
+
+
+def reloaded_fault(engine: str, what: str) -> ExportError:
+    """Error of a file that reads back as another robot."""
+    return ExportError(
+        f"not written: reloaded by {engine}, {what}; report this as a fault of symgen"
     )
 
 

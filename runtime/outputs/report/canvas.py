@@ -11,11 +11,15 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
+
+from runtime.common.files import replacing
+from runtime.errors import RecordingError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,9 +33,8 @@ __all__ = [
     "PURPLE",
     "SKY",
     "VERMILION",
-    "blank",
     "page_figure",
-    "settings",
+    "picture",
     "svg",
     "thinned",
 ]
@@ -65,6 +68,7 @@ _VARIABLES = {
     PALE: "line",
 }
 """CSS variables for colours of pages and of figures that are also saved as files."""
+FORMATS = ("png", "pdf", "svg")
 WIDTH = 10.0
 """Width of a figure of a page [inch]; the page scales it."""
 OWNER = "m:"
@@ -72,16 +76,7 @@ OWNER = "m:"
 
 
 def settings(ink: str = INK, line: str = GREY, grid: str = PALE) -> dict[str, Any]:
-    """Matplotlib settings; names of joints are text, not mathematics.
-
-    Args:
-        ink: colour of text.
-        line: colour of axes and ticks.
-        grid: colour of the grid.
-
-    Returns:
-        rcParams of matplotlib.
-    """
+    """Settings of matplotlib by colours; names of joints are text, not mathematics."""
     return {
         "font.family": "sans-serif",
         "font.sans-serif": ["DejaVu Sans"],
@@ -117,17 +112,7 @@ def blank(
     dpi: float = 100,
     layout: Literal["constrained"] | None = "constrained",
 ) -> "Iterator[Figure]":
-    """Blank figure without pyplot and without the settings of the user.
-
-    Args:
-        size: width and height [inch].
-        rules: rcParams of matplotlib.
-        dpi: dots per inch.
-        layout: layout engine; None leaves the places of axes to the caller.
-
-    Yields:
-        The figure, with the settings in force.
-    """
+    """Blank figure of a size [inch] without pyplot and without the settings of the user."""
     from matplotlib import style
     from matplotlib.figure import Figure
 
@@ -157,6 +142,37 @@ def page_figure(
         # The browser has fonts that the layout engine lacks.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         yield figure
+
+
+def picture_format(path: Path) -> str:
+    """Image format of a file name: png, pdf or svg."""
+    suffix = path.suffix.lower().lstrip(".")
+    if suffix not in FORMATS:
+        raise RecordingError(
+            f"expected an image file with the suffix .{', .'.join(FORMATS)}, got '{path.name}'; "
+            "rename it"
+        )
+    return suffix
+
+
+@contextmanager
+def picture(path: Path, size: tuple[float, float], dpi: float) -> "Iterator[Figure]":
+    """Blank figure that is written to a file, complete or not at all.
+
+    Args:
+        path: png, pdf or svg file.
+        size: width and height [inch].
+        dpi: dots per inch.
+
+    Yields:
+        The figure, with the settings in force.
+    """
+    suffix = picture_format(path)
+    with blank(size, settings(), dpi) as figure:
+        yield figure
+        with replacing(path) as file:  # without the version of matplotlib
+            metadata = {"Software": None} if suffix == "png" else None
+            figure.savefig(file, format=suffix, metadata=metadata)
 
 
 def heading(figure: "Figure", text: str) -> None:

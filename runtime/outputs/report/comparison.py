@@ -14,7 +14,7 @@ from runtime.common.tables import Table, significant
 from runtime.errors import RuntimeFault
 from runtime.identification.comparison.two_results import TwoResults
 from runtime.outputs.report.figures import method_bars
-from runtime.outputs.report.page import Page, Section, Tile
+from runtime.outputs.report.page import Page, Section, Tile, provenance
 
 NAME = "compare.json"
 FORMAT = 1
@@ -57,22 +57,17 @@ def _page(facts: Mapping[str, Any]) -> Page:
     if len(facts["units"]) != len(facts["joints"]) or not rows:
         raise ValueError("'units' or 'rows'")
     sentences = tuple(_sentence(str(each)) for each in advice["sentences"])
-    of_run = [("command", source["command"]), ("seed", source["seed"])]
-    of_run += [("model hash", source["model_hash"])]
-    of_run += [(f"version of {tool}", text) for tool, text in sorted(source["versions"].items())]
-    of_run += [(f"SHA-256 of {name}", text) for name, text in sorted(source["files"].items())]
-    provenance = tuple((key, str(value)) for key, value in of_run)
+    keys = ("command", "seed", "model_hash", "versions", "files")
     return Page(
         title=f"{robot}: comparison of methods",
         subtitle=f"{robot} · all methods on the same data · {recording}",
         headline=sentences[0] if sentences else "No recommendation.",
-        status="",
         notes=tuple(map(str, facts["notes"])),
         tiles=_tiles(rows, advice["take"], facts["before_percent"]),
         sections=(
             Section("Recommendation and reasons", items=sentences),
             *_sections(facts, rows),
-            Section("Provenance", table=Table(("quantity", "value"), provenance, kind="facts")),
+            provenance(*(source[key] for key in keys)),
         ),
         glossary=GLOSSARY,
     )
@@ -162,7 +157,6 @@ def results_page(both: TwoResults, robot: str, names: tuple[str, str]) -> Page:
         title=f"{robot}: {names[0]} and {names[1]}",
         subtitle=f"{robot} · two results side by side",
         headline="; ".join(": ".join(each.split(": ")[:2]) for each in both.sentences) + ".",
-        status="",
         notes=both.notes,
         tiles=(),
         sections=(

@@ -5,8 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-from runtime.common.files import replacing
-from runtime.errors import RecordingError
 from runtime.identification.expected_accuracy.expected import Growth
 from runtime.monitoring.observation import Observation
 from runtime.outputs.report.canvas import (
@@ -15,14 +13,12 @@ from runtime.outputs.report.canvas import (
     GREY,
     INK,
     VERMILION,
-    blank,
     heading,
-    settings,
+    picture,
     thinned,
 )
 from runtime.recording import Recording
 
-FORMATS = ("png", "pdf", "svg")
 POINTS = 4000
 """Largest number of points of one curve."""
 _GAP = 10.0
@@ -34,9 +30,9 @@ def draw_external_torque(
     observation: Observation, names: tuple[str, ...], units: tuple[str, ...], path: Path
 ) -> None:
     """Write a figure with one panel per joint: r, its thresholds, contacts shaded."""
-    suffix, t = picture_format(path), observation.t
+    t = observation.t
     rows = np.arange(0, len(t), max(1, len(t) // POINTS))
-    with blank((10.0, 1.2 + 1.1 * len(names)), settings(), dpi=110) as figure:
+    with picture(path, (10.0, 1.2 + 1.1 * len(names)), dpi=110) as figure:
         axes = np.atleast_1d(figure.subplots(len(names), 1, sharex=True))
         for j, (axis, name, unit) in enumerate(zip(axes, names, units, strict=True)):
             for contact in observation.contacts:
@@ -49,14 +45,11 @@ def draw_external_torque(
             axis.margins(x=0)
         axes[-1].set_xlabel("t [s]")
         heading(figure, "external torque (blue), thresholds (grey), contacts (shaded)")
-        with replacing(path) as file:
-            figure.savefig(file, format=suffix)
 
 
 def draw_growth(growth: Growth, path: Path) -> None:
     """Write two panels over time: σ of every mass, and σ of the worst base parameter."""
-    suffix = picture_format(path)
-    with blank((10.0, 4.6), settings(), dpi=130) as figure:
+    with picture(path, (10.0, 4.6), dpi=130) as figure:
         masses, worst = figure.subplots(1, 2, sharex=True)
         for k, (name, sigma) in enumerate(zip(growth.links, growth.masses.T, strict=True)):
             style = _DASHES[k // len(CYCLE) % len(_DASHES)]
@@ -86,29 +79,15 @@ def draw_growth(growth: Growth, path: Path) -> None:
         figure.legend(*masses.get_legend_handles_labels(), loc="outside lower left", ncols=4)
         further = f"; grey: {growth.further}" if growth.seconds[-1] > growth.recorded else ""
         heading(figure, f"{growth.robot}, {growth.motion}, {growth.recorded:.3g} s{further}")
-        with replacing(path) as file:
-            figure.savefig(file, format=suffix)
-
-
-def picture_format(path: Path) -> str:
-    """Image format of a file name: png, pdf or svg."""
-    suffix = path.suffix.lower().lstrip(".")
-    if suffix not in FORMATS:
-        raise RecordingError(
-            f"expected an image file with the suffix .{', .'.join(FORMATS)}, got '{path.name}'; "
-            "rename it"
-        )
-    return suffix
 
 
 def draw_log(recording: Recording, path: Path, rest: Sequence[tuple[float, float]] = ()) -> None:
     """Figure of a recording, a panel per signal, with rests (from, to) [s] and gaps shaded."""
-    suffix = picture_format(path)
     signals = {"q [rad or m]": recording.q, "dq": recording.dq, "τ [N·m or N]": recording.tau}
     panels = {title: values for title, values in signals.items() if values is not None}
     t, steps = recording.t, np.diff(recording.t)
     names = recording.joint_names or tuple(str(j + 1) for j in range(recording.n_joints))
-    with blank((10.0, 1.8 * (len(panels) + 1)), settings(), dpi=120) as figure:
+    with picture(path, (10.0, 1.8 * (len(panels) + 1)), dpi=120) as figure:
         axes = figure.subplots(len(panels) + 1, 1, sharex=True, squeeze=False)[:, 0]
         if len(steps):
             axes[0].plot(*thinned(t[1:], 1e3 * steps, POINTS), color=BLUE, linewidth=0.6)
@@ -133,5 +112,3 @@ def draw_log(recording: Recording, path: Path, rest: Sequence[tuple[float, float
                 axis.axvspan(t[int(i)], t[int(i) + 1], color=VERMILION, alpha=0.3, linewidth=0)
         axes[-1].set_xlabel("time [s]; grey: rest, red: gaps")
         axes[1].legend(loc="upper right", ncols=len(names), fontsize=6)
-        with replacing(path) as file:
-            figure.savefig(file, format=suffix)

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.common.files import replacing
 from runtime.excitation.motion_profile import Band, Gap, MotionProfile
 from runtime.outputs.report.canvas import (
     BLUE,
@@ -23,9 +22,8 @@ from runtime.outputs.report.canvas import (
     PURPLE,
     SKY,
     VERMILION,
-    blank,
     heading,
-    settings,
+    picture,
 )
 
 if TYPE_CHECKING:
@@ -185,11 +183,9 @@ def write_pictures(profile: MotionProfile, path: Path) -> tuple[Path, ...]:
         ((13.0, 5.6), draw_space),
     )
     pictures = picture_paths(path)
-    for picture, (size, draw) in zip(pictures, drawings, strict=True):
-        with blank(size, settings(), DPI) as figure:
+    for file, (size, draw) in zip(pictures, drawings, strict=True):
+        with picture(file, size, DPI) as figure:
             draw(figure, profile)
-            with replacing(picture) as file:
-                figure.savefig(file, format="png", metadata={"Software": None})
     return pictures
 
 

@@ -6,7 +6,7 @@ zoom and filter only.
 
 import re
 from base64 import b64encode
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
@@ -18,26 +18,22 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from runtime.common.files import replacing
-from runtime.common.tables import Table
+from runtime.common.tables import NOTHING, Table
 
 __all__ = ["Page", "Section", "Tile", "write_page"]
 
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A heading with its text, table, figure and list; empty parts are omitted.
-
-    Attributes:
-        group: heading shared with adjacent sections.
-        sources: HTML id and text of links to the origin of the numbers.
-    """
+    """A heading with its text, table, figure and list; empty parts are omitted."""
 
     title: str
     lead: str = ""
     table: Table | None = None
     figure: str = ""
     items: tuple[str, ...] = ()
-    group: str = ""
+    group: str = ""  # heading shared with adjacent sections
+    # HTML id and text of links to the origin of the numbers
     sources: tuple[tuple[str, str], ...] = ()
 
 
@@ -53,22 +49,38 @@ class Tile:
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """One report: summary, sections and glossary of (term, definition).
-
-    Attributes:
-        notes: sentences to know.
-        warnings: sentences that need an action.
-    """
+    """One report: summary, sections and glossary of (term, definition)."""
 
     title: str
     subtitle: str
     headline: str
-    status: str
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # sentences to know
     tiles: tuple[Tile, ...]
     sections: tuple[Section, ...]
     glossary: tuple[tuple[str, str], ...]
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()  # sentences that need an action
+    status: str = ""
+
+
+def provenance(
+    command: str | None,
+    seed: int | None,
+    model_hash: str | None,
+    versions: Mapping[str, str],
+    files: Mapping[str, str],
+    *further: tuple[str, str | None],
+) -> Section:
+    """Section on the origin of the numbers."""
+    rows = (
+        ("command", command),
+        ("seed", None if seed is None else str(seed)),
+        ("model hash", model_hash),
+        *((f"version of {tool}", version) for tool, version in sorted(versions.items())),
+        *((f"SHA-256 of {name}", digest) for name, digest in sorted(files.items())),
+        *further,
+    )
+    shown = tuple((quantity, value or NOTHING) for quantity, value in rows)
+    return Section("Provenance", table=Table(("quantity", "value"), shown, kind="facts"))
 
 
 def write_page(page: Page, path: Path) -> Path:

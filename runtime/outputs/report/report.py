@@ -30,7 +30,7 @@ from runtime.library import Array
 from runtime.library.parameters import PI_NAMES
 from runtime.outputs.report.comparison import comparison_page
 from runtime.outputs.report.figures import convergence, mass_change, torques
-from runtime.outputs.report.page import Page, Section, Tile, write_page
+from runtime.outputs.report.page import Page, Section, Tile, provenance, write_page
 from runtime.recording.friction.columns import DAHL
 from runtime.recording.settings import COLUMNS
 from runtime.registry import Registry
@@ -252,17 +252,11 @@ def _provenance(result: ResultRecord) -> Section:
     p = result.provenance
     weights = ", ".join(number(w) for w in result.weights)
     condition = None if result.condition_number is None else f"{result.condition_number:.3g}"
-    rows = (
-        ("command", p.command),
-        ("seed", None if p.seed is None else str(p.seed)),
-        ("model hash", p.model_hash),
-        *((f"version of {tool}", version) for tool, version in sorted(p.versions.items())),
-        *((f"SHA-256 of {name}", digest) for name, digest in sorted(p.files.items())),
+    return provenance(
+        *(p.command, p.seed, p.model_hash, p.versions, p.files),
         ("condition number, columns normalised", condition),
         ("weights per joint", weights),
     )
-    table = Table(("quantity", "value"), tuple((a, b or NOTHING) for a, b in rows), kind="facts")
-    return Section("Provenance", table=table)
 
 
 # --- numbers as text -----------------------------------------------------------------------
@@ -367,18 +361,13 @@ def uncertainty_sections(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReportKind:
-    """Folders with results of another kind, which have a page of their own.
+    """Folders with results of another kind, which have a page of their own."""
 
-    Attributes:
-        name: what wrote the folder.
-        accepts: whether a folder has such results.
-        pictures: files that `write` would write into a folder of figures.
-        write: the page, and tables and figures where requested; the files.
-    """
-
-    name: str
-    accepts: Callable[[Path], bool]
+    name: str  # what wrote the folder
+    accepts: Callable[[Path], bool]  # whether a folder has such results
+    # files that `write` would write into a folder of figures
     pictures: Callable[[Path, Path], tuple[Path, ...]]
+    # the page, and tables and figures where requested; the files
     write: Callable[..., tuple[Path, ...]]
 
 

@@ -59,7 +59,6 @@ def _page(trends: Trends, name: str) -> Page:
         title="Trends of a robot",
         subtitle=f"{name} · {len(trends.logs)} logs · {first} to {last}",
         headline=" ".join(sentences) or "No significant trend.",
-        status="",
         notes=left_out,
         tiles=(
             Tile("Logs", str(len(trends.logs)), f"{first} to {last}"),

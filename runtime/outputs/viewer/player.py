@@ -4,12 +4,12 @@ import time
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from runtime.errors import RecordingError, RuntimeFault
+from runtime.common.optional import optional
+from runtime.errors import RecordingError
 from runtime.excitation.trajectory_file import read_trajectory
 from runtime.library import Array, Library
 from runtime.outputs.viewer.shapes import BASE, Look
@@ -24,17 +24,6 @@ FRAME_S = 0.04
 """Time step of an exported film [s]."""
 
 
-def viewer_library() -> Any:
-    """Import viser."""
-    try:
-        import viser
-    except ImportError:
-        raise RuntimeFault(
-            "the viewer is not installed; install it with: pip install 'symgen[view]'"
-        ) from None
-    return viser
-
-
 class Scene:
     """Server that shows one robot until `close`.
 
@@ -45,7 +34,7 @@ class Scene:
 
     def __init__(self, lib: Library, look: Look, port: int) -> None:
         self._lib = lib
-        self.server = viewer_library().ViserServer(
+        self.server = optional("viser", "the viewer", "view").ViserServer(
             host=HOST, port=port, label=lib.name, verbose=False
         )
         world = self.server.scene

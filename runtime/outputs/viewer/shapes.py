@@ -17,6 +17,7 @@ from defusedxml.ElementTree import ParseError, fromstring
 from scipy.spatial.transform import Rotation
 
 from runtime.common.files import text_of
+from runtime.common.optional import optional
 from runtime.errors import LibraryError, RuntimeFault
 from runtime.library import Array, Library
 
@@ -29,7 +30,6 @@ LARGEST_COORDINATE = 1e4
 """Largest coordinate that is accepted [m]."""
 COLOURS = ((96, 125, 160, 255), (170, 185, 205, 255))
 """Colours (RGBA) of links without one, in turn."""
-_MISSING = "the viewer is not installed; install it with: pip install 'symgen[view]'"
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,11 +52,7 @@ class Look:
 
 def geometry_library() -> Any:
     """Import trimesh, which viser depends on."""
-    try:
-        import trimesh
-    except ImportError:
-        raise RuntimeFault(_MISSING) from None
-    return trimesh
+    return optional("trimesh", "the viewer", "view")
 
 
 def look_of(lib: Library, urdf: Path | None = None, packages: Iterable[Path] = ()) -> Look:

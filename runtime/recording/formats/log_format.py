@@ -7,19 +7,18 @@ rows are read and used.
 """
 
 import hashlib
-import importlib
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Thread
-from types import ModuleType
 from typing import IO, Any, Protocol
 
 from numpy.typing import NDArray
 
 from runtime.common.files import require_file
+from runtime.common.optional import optional
 from runtime.errors import RecordingError
 from runtime.recording.formats.tables import FloatArray, LogTable
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
@@ -96,16 +95,9 @@ def reading(path: Path) -> Iterator[None]:
         ) from error
 
 
-def imported(module: str, kind: str) -> ModuleType:
+def imported(module: str, kind: str) -> Any:
     """Module of the extra `logs`."""
-    try:
-        return importlib.import_module(module)
-    except ImportError:
-        library = module.split(".", maxsplit=1)[0]
-        raise RecordingError(
-            f"reading or writing {kind} needs the library {library}, which is not installed; "
-            "run: pip install 'symgen[logs]'"
-        ) from None
+    return optional(module, f"reading or writing {kind}", "logs", RecordingError)
 
 
 Texts = tuple[str, ...]

@@ -24,7 +24,6 @@ from runtime.recording.recipes.default_convention import (
     unread_columns,
 )
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
-from runtime.recording.recording import Recording
 
 __all__ = ["rows_of"]
 
@@ -311,15 +310,11 @@ class ParquetReader(LogReader):
         )
 
 
-def _write(recording: Recording, file: IO[bytes]) -> None:
-    write_parquet(*recording.titled(), file)
-
-
 PARQUET = LogFormat(
     name="parquet",
     sentence="Parquet with one column per joint and signal, or one column of lists per signal",
     suffixes=(".parquet",),
     reader=ParquetReader,
-    write=_write,
+    write=lambda recording, file: write_parquet(*recording.titled(), file),
     reads_time_alone=True,
 )

@@ -17,6 +17,7 @@ row of the joint in ∂q_all/∂q, which depends on the posture where a loop is 
 it is constant, and the columns motor_… have the rows of several masters as well.
 """
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -69,18 +70,6 @@ def _sign(motion: JointMotion, terms: Friction) -> FloatArray:
     return np.tanh(speed, out=speed)
 
 
-def _one(motion: JointMotion, _: Friction) -> FloatArray:
-    return np.ones_like(motion.dq)
-
-
-def _asymmetric(motion: JointMotion, terms: Friction) -> FloatArray:
-    return motion.dq * _sign(motion, terms)
-
-
-def _stribeck(motion: JointMotion, terms: Friction) -> FloatArray:
-    return _sign(motion, terms) * np.exp(-((motion.dq / terms.stribeck_speed) ** 2))
-
-
 def _load(motion: JointMotion, terms: Friction) -> FloatArray:
     if motion.q is None or motion.lib is None:
         raise RecordingError("the friction column 'load' needs q and the library of the robot")
@@ -123,43 +112,10 @@ def _dahl(motion: JointMotion, terms: Friction) -> FloatArray:
     return dahl_state(motion.q, terms.dahl_stroke)
 
 
-def _motor_motion(motion: JointMotion, terms: Friction, name: str) -> JointMotion:
-    """Motion R̂ dq, R̂ ddq of the motors that drive several joints."""
-    n = motion.dq.shape[-1]
-    if len(terms.gear) != n:
-        raise RecordingError(
-            f"the column '{name}' needs the gear matrix of {n} motors, got "
-            f"{len(terms.gear)} rows; write [gear] into the recipe"
-        )
-    to_motors = directions(terms.gear).T
-    ddq = None if motion.ddq is None else np.asarray(motion.ddq @ to_motors)
-    return JointMotion(motion.dq @ to_motors, ddq=ddq)
-
-
-def _motor_viscous(motion: JointMotion, terms: Friction) -> FloatArray:
-    return _viscous(_motor_motion(motion, terms, "motor_viscous"), terms)
-
-
-def _motor_coulomb(motion: JointMotion, terms: Friction) -> FloatArray:
-    return _sign(_motor_motion(motion, terms, "motor_coulomb"), terms)
-
-
-def _motor_rotor(motion: JointMotion, terms: Friction) -> FloatArray:
-    return _rotor(_motor_motion(motion, terms, "motor_rotor"), terms)
-
-
-def _viscous_secant(speed: FloatArray, _: float) -> tuple[FloatArray, FloatArray]:
-    return np.ones_like(speed), np.zeros_like(speed)
-
-
 def _coulomb_secant(speed: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
     slow = np.abs(speed) < 1e-3 * width  # there tanh(v/ε)/v is 1/ε to rounding
     quotient = np.tanh(speed / width) / np.where(slow, 1.0, speed)
     return np.where(slow, 1 / width, quotient), np.zeros_like(speed)
-
-
-def _offset_secant(speed: FloatArray, _: float) -> tuple[FloatArray, FloatArray]:
-    return np.zeros_like(speed), np.ones_like(speed)
 
 
 VISCOUS = FrictionColumn(
@@ -170,7 +126,7 @@ VISCOUS = FrictionColumn(
     is_nonnegative=True,
     model_term="damping",
     in_closed_loop=True,
-    secant=_viscous_secant,
+    secant=lambda speed, _: (np.ones_like(speed), np.zeros_like(speed)),
 )
 COULOMB = FrictionColumn(
     "coulomb",
@@ -185,20 +141,24 @@ COULOMB = FrictionColumn(
 OFFSET = FrictionColumn(
     "offset",
     "1",
-    _one,
+    lambda motion, _: np.ones_like(motion.dq),
     is_linear=True,
     is_constant=True,
     is_passive=False,
     in_closed_loop=True,
-    secant=_offset_secant,
+    secant=lambda speed, _: (np.zeros_like(speed), np.ones_like(speed)),
 )
 ASYMMETRIC = FrictionColumn(
-    "asymmetric", "dq tanh(dq / ε)", _asymmetric, widths=("coulomb_speed",), is_passive=False
+    "asymmetric",
+    "dq tanh(dq / ε)",
+    lambda motion, terms: motion.dq * _sign(motion, terms),
+    widths=("coulomb_speed",),
+    is_passive=False,
 )
 STRIBECK = FrictionColumn(
     "stribeck",
     "tanh(dq / ε) exp(−(dq / v_s)²)",
-    _stribeck,
+    lambda motion, terms: _sign(motion, terms) * np.exp(-((motion.dq / terms.stribeck_speed) ** 2)),
     widths=("coulomb_speed", "stribeck_speed"),
 )
 DAHL = FrictionColumn(
@@ -230,26 +190,30 @@ ROTOR = FrictionColumn(
     is_inertial=True,
     model_term="armature",
 )
-MOTOR_VISCOUS = FrictionColumn(
-    "motor_viscous", "R̂ dq", _motor_viscous, is_linear=True, is_nonnegative=True, of_motors=True
-)
-MOTOR_COULOMB = FrictionColumn(
-    "motor_coulomb",
-    "tanh(R̂ dq / ε)",
-    _motor_coulomb,
-    widths=("coulomb_speed",),
-    is_nonnegative=True,
-    of_motors=True,
-)
-MOTOR_ROTOR = FrictionColumn(
-    "motor_rotor",
-    "R̂ ddq",
-    _motor_rotor,
-    is_linear=True,
-    is_nonnegative=True,
-    is_inertial=True,
-    of_motors=True,
-)
+
+
+def _of_motors(column: FrictionColumn, sentence: str) -> FrictionColumn:
+    """The column of the motion R̂ dq, R̂ ddq of the motors that drive several joints."""
+    name = f"motor_{column.name}"
+
+    def function(motion: JointMotion, terms: Friction) -> FloatArray:
+        n = motion.dq.shape[-1]
+        if len(terms.gear) != n:
+            raise RecordingError(
+                f"the column '{name}' needs the gear matrix of {n} motors, got "
+                f"{len(terms.gear)} rows; write [gear] into the recipe"
+            )
+        to_motors = directions(terms.gear).T
+        ddq = None if motion.ddq is None else np.asarray(motion.ddq @ to_motors)
+        return column.function(JointMotion(motion.dq @ to_motors, ddq=ddq), terms)
+
+    motors = replace(column, name=name, sentence=sentence, function=function, of_motors=True)
+    return replace(motors, model_term="", in_closed_loop=False, secant=None)
+
+
+MOTOR_VISCOUS = _of_motors(VISCOUS, "R̂ dq")
+MOTOR_COULOMB = _of_motors(COULOMB, "tanh(R̂ dq / ε)")
+MOTOR_ROTOR = _of_motors(ROTOR, "R̂ ddq")
 
 
 def spring_column(name: str) -> FrictionColumn:

@@ -10,11 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from runtime.recording.settings import FloatArray, Friction, FrictionColumn, JointMotion
-
-
-def _negative_torque(motion: JointMotion, _: Friction) -> FloatArray:
-    return -motion.signals["commanded_torque"]
+from runtime.recording.settings import FloatArray, FrictionColumn
 
 
 def _sentences(joints: Sequence[str], g: FloatArray, sigma: FloatArray) -> tuple[str, ...]:
@@ -34,7 +30,7 @@ def _sentences(joints: Sequence[str], g: FloatArray, sigma: FloatArray) -> tuple
 LAW_GAIN = FrictionColumn(
     "law_gain",
     "−τ of the control law; its gain is 1 + φ",
-    _negative_torque,
+    lambda motion, _: -motion.signals["commanded_torque"],
     signals=("commanded_torque",),
     is_linear=True,
     is_passive=False,

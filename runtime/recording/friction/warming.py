@@ -9,7 +9,7 @@ is a column of its own, because its coefficient belongs to one warm-up and not t
 Source: Simoni, Beschi, Legnani & Visioli 2015; Gao, Yuan, Han, Wang & Wang 2017.
 """
 
-from runtime.recording.settings import FloatArray, Friction, FrictionColumn, JointMotion
+from runtime.recording.settings import FrictionColumn
 
 REFERENCE = 25.0
 """T_ref [°C]."""
@@ -17,18 +17,10 @@ HOUR = 3600.0
 """Seconds of the unit of `viscous_uptime`."""
 
 
-def _of_temperature(motion: JointMotion, _: Friction) -> FloatArray:
-    return (motion.signals["temperature"] - REFERENCE) * motion.dq
-
-
-def _of_uptime(motion: JointMotion, _: Friction) -> FloatArray:
-    return motion.signals["uptime"] / HOUR * motion.dq
-
-
 VISCOUS_TEMPERATURE = FrictionColumn(
     "viscous_temperature",
     f"(T − {REFERENCE:g} °C) dq",
-    _of_temperature,
+    lambda motion, _: (motion.signals["temperature"] - REFERENCE) * motion.dq,
     signals=("temperature",),
     is_passive=False,
     omitted=f"viscous friction is that at {REFERENCE:g} °C",
@@ -36,7 +28,7 @@ VISCOUS_TEMPERATURE = FrictionColumn(
 VISCOUS_UPTIME = FrictionColumn(
     "viscous_uptime",
     "t dq, t in hours since the start of the log",
-    _of_uptime,
+    lambda motion, _: motion.signals["uptime"] / HOUR * motion.dq,
     signals=("uptime",),
     is_passive=False,
     omitted="viscous friction is that at the start of the log",

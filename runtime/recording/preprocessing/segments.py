@@ -328,8 +328,7 @@ HALF = 8
 EVEN = 1e-10
 """Scatter of the places between two rows that is rounding, in steps."""
 SHAPE = 6.0
-"""Parameter of the Kaiser window: the power of noise up to 0.8 of the Nyquist frequency is kept to
-0.1 %."""
+"""Parameter of the Kaiser window: keeps the power of noise up to 0.8 of Nyquist's to 0.1 %."""
 
 
 def interpolate(at: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:

@@ -17,6 +17,7 @@ positions and velocities have unit, order, sign and gear of the measured ones.
 """
 
 import dataclasses
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from math import isfinite, pi
 
@@ -126,10 +127,28 @@ class Signal:
                 "write how many numbers make one sample"
             )
 
+    def reordered(self, places: Iterable[int]) -> "Signal":
+        """The signal with the joints at these places of its present order."""
+        order = tuple(self.order[k] if self.order else int(k) for k in places)
+        return replace(self, order=order)
+
+    def signed(self, signs: Iterable[float]) -> "Signal":
+        """The signal with further signs; offsets are added after the sign and change theirs."""
+        factors = [float(sign) for sign in signs]
+        sign, offset = (
+            tuple((each[j] if isinstance(each, tuple) else each) * x for j, x in enumerate(factors))
+            for each in (self.sign, self.offset)
+        )
+        return replace(self, sign=sign, offset=offset if any(offset) else 0.0)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """The unit of all joints, or one per joint."""
+        return (self.unit,) if isinstance(self.unit, str) else self.unit
+
     def check_unit(self, kind: str) -> None:
         """Require a unit of this kind of signal; amperes without a gain have unknown gains."""
-        units = (self.unit,) if isinstance(self.unit, str) else self.unit
-        for unit in units:
+        for unit in self.units:
             one_of(f"[{kind}] unit", unit, tuple(UNITS[kind]))
 
 
@@ -290,8 +309,7 @@ class Recipe:
         for kind, signal in self.signals().items():
             signal.check_unit(kind)
         for name, signal in self.extra.items():
-            units = (signal.unit,) if isinstance(signal.unit, str) else signal.unit
-            for unit in units:
+            for unit in signal.units:
                 one_of(f"[extra.{name}] unit", unit, tuple(EXTRA_UNITS))
         if self.position is None and self.signals():
             raise RecordingError(
@@ -317,9 +335,7 @@ class Recipe:
         """Origin of the torque: "measured", "commanded" (a law) or "current" (unit A or mA)."""
         if self.law is not None:
             return COMMANDED
-        unit = self.torque.unit if self.torque else ""
-        units = (unit,) if isinstance(unit, str) else unit
-        return CURRENT if {"A", "mA"} & set(units) else MEASURED
+        return CURRENT if self.torque and {"A", "mA"} & {*self.torque.units} else MEASURED
 
     @property
     def has_unknown_gains(self) -> bool:

@@ -27,8 +27,7 @@ _PARTS: dict[str, type] = {
     "split": Split,
     "friction": Friction,
 }
-"""Table of a recipe → its record; [gear], [extra.NAME] and [torque] with a law have forms
-of their own."""
+"""Table → its record; [gear], [extra.NAME] and [torque] with a law have forms of their own."""
 
 
 def bundled_names() -> tuple[str, ...]:

@@ -36,19 +36,13 @@ def reload(text: str, lib: Library) -> Reloaded | None:
     tau = np.empty_like(states[0])
     forces = MultibodyForces(plant)
     for k, rows in enumerate(zip(*states, strict=True)):
-        q, dq, ddq = (_scattered(row, at) for row in rows)
+        q, dq, ddq = (row[np.argsort(at)] for row in rows)
         plant.SetPositions(context, q)
         plant.SetVelocities(context, dq)
         plant.CalcForceElementsContribution(context, forces)
         tau[k] = plant.CalcInverseDynamics(context, ddq, forces)[at]
     damping = np.array([joint.default_damping_vector()[0] for joint in joints])
     return Reloaded(engine, tau - damping * states[1], _parameters(plant, lib), damping=damping)
-
-
-def _scattered(values: Array, at: list[int]) -> Array:
-    scattered = np.empty(len(at))
-    scattered[at] = values
-    return scattered
 
 
 def _parameters(plant: Any, lib: Library) -> Array:

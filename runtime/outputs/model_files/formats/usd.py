@@ -18,7 +18,7 @@ from runtime.library.manifest import FrameFacts
 from runtime.outputs.model_files.engines import usd
 from runtime.outputs.model_files.export_format import ExportFormat
 from runtime.outputs.model_files.model import IdentifiedModel, couplings, require_loop_frames
-from runtime.outputs.model_files.reload_check import unchecked
+from runtime.outputs.model_files.reload_check import reloaded_fault, unchecked
 from runtime.outputs.model_files.urdf_tree import Edge, RigidBody, digits, quaternion
 
 
@@ -99,7 +99,7 @@ def joint_prim(
             axis = "angular" if kind == "Revolute" else "linear"
             schemas.append(f'"PhysicsJointStateAPI:{axis}"')
             inside.append(f"float state:{axis}:physics:position = {digits(_shown(kind, q))}")
-    return _prim(f"Physics{kind}Joint", names[edge.name], schemas, inside)
+    return indented(_prim(f"Physics{kind}Joint", names[edge.name], schemas, inside), 8)
 
 
 def loop_prims(model: IdentifiedModel, names: dict[str, str], paths: dict[str, str]) -> list[str]:
@@ -124,7 +124,7 @@ def loop_prims(model: IdentifiedModel, names: dict[str, str], paths: dict[str, s
                 ]
         elif joint.kind != "fixed":
             inside.append('uniform token physics:axis = "Z"')
-        lines += _prim(LOOPS[joint.kind], names[name], schemas, inside)
+        lines += indented(_prim(LOOPS[joint.kind], names[name], schemas, inside), 8)
     return lines
 
 
@@ -201,7 +201,7 @@ def _prim(kind: str, name: str, schemas: list[str], inside: list[str]) -> list[s
     opened = [f'def {kind} "{name}"']
     if schemas:
         opened = [f"{opened[0]} (", f"    prepend apiSchemas = [{', '.join(schemas)}]", ")"]
-    return indented([*opened, "{", *indented(inside, 4), "}"], 8)
+    return [*opened, "{", *indented(inside, 4), "}"]
 
 
 def _moving(model: IdentifiedModel, edge: Edge, kind: str) -> tuple[list[str], list[str]]:
@@ -316,30 +316,25 @@ def check_usd(model: IdentifiedModel, text: str) -> str:
     difference = np.abs(read.pi - expected) / np.abs(expected).max()
     if not difference.max() <= INERTIA_TOLERANCE:
         link = model.lib.link_names[int(difference.max(axis=1).argmax())]
-        raise ExportError(
-            f"not written: reloaded by {read.engine}, the inertia of the link '{link}' differs by "
-            f"{difference.max():.1e} of the largest one, where {INERTIA_TOLERANCE:g} is allowed; "
-            "report this as a fault of symgen"
+        raise reloaded_fault(
+            read.engine,
+            f"the inertia of the link '{link}' differs by {difference.max():.1e} of the largest "
+            f"one, where {INERTIA_TOLERANCE:g} is allowed",
         )
     for edge in model.tree.edges.values():
         if edge.kind not in MOVING and not _is_body(model, edge.child):
             continue  # a frame without a joint
         axis = edge.axis if edge.kind in MOVING else None
         if not read.place_error(edge.name, edge.placement, axis) <= PLACE_TOLERANCE:
-            raise ExportError(
-                f"not written: reloaded by {read.engine}, the joint '{edge.name}' is placed "
-                "differently; report this as a fault of symgen"
-            )
+            raise reloaded_fault(read.engine, f"the joint '{edge.name}' is placed differently")
     _require_mechanism_read(model, read)
     for quantity in ("damping", "friction", "armature"):
         for name, value in zip(
             model.lib.joint_names, getattr(model.friction, quantity), strict=True
         ):
             if value is not None and not read.holds(name, quantity, value):
-                raise ExportError(
-                    f"not written: reloaded by {read.engine}, the {quantity} of joint '{name}' "
-                    f"is not {value:g}; report this as a fault of symgen"
-                )
+                what = f"the {quantity} of joint '{name}' is not {value:g}"
+                raise reloaded_fault(read.engine, what)
     return (
         f"verified: reloaded by {read.engine}, inertias agree to {difference.max():.1e} of the "
         "largest one"
@@ -352,17 +347,12 @@ def _require_mechanism_read(model: IdentifiedModel, read: usd.ReloadedStage) -> 
     for name, joint in zip(manifest.loops, manifest.loop_joints, strict=True):
         frames = (frame_matrix(joint.parent), frame_matrix(joint.child))
         if not read.loop_error(name, frames) <= PLACE_TOLERANCE:
-            raise ExportError(
-                f"not written: reloaded by {read.engine}, {name} differs; "
-                "report this as a fault of symgen"
-            )
+            raise reloaded_fault(read.engine, f"{name} differs")
     for name, (masters, offset) in couplings(manifest).items():
         ((master, factor),) = masters.items()
         if not read.follows(name, master, factor, offset):
-            raise ExportError(
-                f"not written: reloaded by {read.engine}, the joint '{name}' does not follow "
-                f"'{master}' as in the robot; report this as a fault of symgen"
-            )
+            what = f"the joint '{name}' does not follow '{master}' as in the robot"
+            raise reloaded_fault(read.engine, what)
 
 
 def _positions(model: IdentifiedModel) -> dict[str, float]:
@@ -413,11 +403,7 @@ def _link(
     for edge in model.tree.children(link):
         if paths[edge.child].startswith(f"{paths[link]}/"):
             inside += _link(model, edge.child, names, edge.placement, paths)
-    head = f'def Xform "{names[link]}"'
-    opened = [head]
-    if schemas:
-        opened = [f"{head} (", f"    prepend apiSchemas = [{', '.join(schemas)}]", ")"]
-    return [*opened, "{", *indented(inside, 4), "}"]
+    return _prim("Xform", names[link], schemas, inside)
 
 
 def _mass(body: RigidBody) -> list[str]:

@@ -245,4 +245,4 @@ def test_without_viser_there_is_a_sentence(
     monkeypatch.setitem(sys.modules, "viser", None)
     ran = command("view", "m.json", "--robot", fr3.folder, "--settings", "no_open=true")
     assert ran.code == 2
-    assert "the viewer is not installed; install it with: pip install 'symgen[view]'" in ran.err
+    assert "viser, which is not installed; run: pip install 'symgen[view]'" in ran.err

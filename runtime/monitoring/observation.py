@@ -276,6 +276,8 @@ def signals_of(
         )
     first, direct, features = torques or both_torques(lib, model, s, recording)
     r = np.where(detector.is_direct, direct, first)
+    # What is usual is known from where all joints are, and the direct torque is later.
+    r[~np.isfinite(r).all(axis=1)] = np.nan
     band, extra, rest = (np.zeros_like(recording.q) for _ in range(3))
     unknown, slowest = unknown_dry_friction(lib, model), slow_speeds(lib, model)
     motion, further = _signals(recording, model)

@@ -244,7 +244,7 @@ unsigned ${robot}_observer_update(${robot}_observer *o, const double q[N], const
         }
         o->p[j] = p[j];
         o->u[j] = u;
-        r[j] = o->r[j] - usual;
+        r[j] = o->means >= FIRST ? o->r[j] - usual : 0.0;
         threshold[j] = fmax(level[j] * sqrt(variance[j] + spread), least[j]);
         if (fabs(mean[N + j]) < slow[j]) {
             o->slow[j] = RESTS + 1;

@@ -241,7 +241,6 @@ def _recorded(
 def _report(
     folder: Path, lib: Library, plan: Plan, target: Target, outcome: CampaignOutcome
 ) -> str:
-    """Markdown of the whole campaign."""
     lines = [
         f"# Campaign of {lib.name}",
         "",
@@ -267,34 +266,26 @@ def limits_facts(safety: Safety) -> dict[str, Any] | None:
 def opened_state(folder: Path, described: dict[str, Any]) -> dict[str, Any]:
     """Content of state.json; a new one where the folder has none."""
     path = folder / STATE
-    if not path.exists():
-        # Motions may be given; they are read and never replaced.
-        known_names = ("motion-*.json", f"{DRAFT}*")
-        if folder.is_dir() and not all(
-            any(file.match(name) for name in known_names) for file in folder.iterdir()
-        ):
+    is_new, state = not path.exists(), described | {"motions": []}
+    # Motions may be given; they are read and never replaced.
+    given = ("motion-*.json", f"{DRAFT}*")
+    if not is_new:
+        state = json_of(path)
+        if not isinstance(state, dict) or any(state.get(k) != described[k] for k in described):
             raise IdentificationError(
-                f"'{folder}' has files and is no folder of a campaign; choose a new or empty one "
-                "with --out"
+                f"'{folder}' holds a campaign of another robot or with other settings; choose "
+                "another folder with --out, or give the same settings"
             )
-        _remove_drafts(folder)
-        state: dict[str, Any] = described | {"motions": []}
-        write_json(path, state, allow_nan=True)
-        return state
-    known = json_of(path)
-    if not isinstance(known, dict) or any(known.get(key) != described[key] for key in described):
+    elif folder.is_dir() and not all(any(map(f.match, given)) for f in folder.iterdir()):
         raise IdentificationError(
-            f"'{folder}' holds a campaign of another robot or with other settings; choose another "
-            "folder with --out, or give the same settings"
+            f"'{folder}' has files and is no folder of a campaign; choose a new or empty one "
+            "with --out"
         )
-    _remove_drafts(folder)
-    return known
-
-
-def _remove_drafts(folder: Path) -> None:
-    """Remove unfinished files of a process that was killed."""
-    for draft in folder.rglob(f"{DRAFT}*"):
+    for draft in folder.rglob(f"{DRAFT}*"):  # of a process that was killed
         draft.unlink(missing_ok=True)
+    if is_new:
+        write_json(path, state, allow_nan=True)
+    return state
 
 
 def move_to(

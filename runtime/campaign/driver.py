@@ -1,10 +1,9 @@
 """Drivers: how a motion reaches a robot and its samples come back, under guards.
 
-`state()` reads the robot, `stream(trajectory, on_sample, guards)` lets it follow a motion. The loop
-is written here once; an adapter of a robot provides `state`, `exchange` and `stop`, and `begin` and
-`end` where its interface needs them. The robot is
-stopped at the first sample that a guard refuses, where no sample arrives, and on any error, Ctrl-C
-included; the samples up to there are kept.
+The loop is written here once; an adapter of a robot provides `state`, `exchange` and `stop`, and
+`begin` and `end` where its interface needs them. The robot is stopped at the first sample that a
+guard refuses, where no sample arrives, and on any error, Ctrl-C included; the samples up to there
+are kept.
 """
 
 import time
@@ -125,36 +124,18 @@ class Driver(ABC):
 
     @abstractmethod
     def state(self) -> Sample:
-        """Newest sample of the robot at rest.
-
-        Raises:
-            NoSampleError: none arrived in time.
-        """
+        """Newest sample of the robot at rest; `NoSampleError` where none arrives in time."""
 
     @abstractmethod
     def exchange(self, reference: Reference) -> Sample:
-        """Command one reference and wait for the next sample.
-
-        Args:
-            reference: of this period.
-
-        Returns:
-            The sample.
-
-        Raises:
-            NoSampleError: none arrived in time.
-        """
+        """Command the reference of this period and return the next sample, else `NoSampleError`."""
 
     @abstractmethod
     def stop(self) -> None:
         """Brake to rest and hold; called once, also where the connection is lost."""
 
     def begin(self, motion: DriverMotion) -> None:  # noqa: B027
-        """Prepare the robot for a motion, at whose start it stands; by default nothing.
-
-        Raises:
-            NoSampleError: the robot does not accept the motion.
-        """
+        """Prepare for a motion from where it stands, else `NoSampleError`; by default nothing."""
 
     def end(self) -> None:  # noqa: B027
         """Finish a motion that was completed; by default nothing."""

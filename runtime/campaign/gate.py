@@ -1,10 +1,8 @@
-"""The gate before a stage: the certificate at its speed, and the logs recorded so far.
+"""The gate before a stage: its certificate, the logs recorded so far, and a rehearsal.
 
 A stage is released where the motion keeps every limit at its speed, the last log has no error that
 `inspect` finds, its torques follow the URDF and friction, and it agrees with the model that was
-identified without it. That the URDF is wrong by some percent is no reason to refuse a campaign.
-
-`torque_faults` compares the torque columns with the URDF, joint by joint:
+identified without it. `torque_faults` compares the torque columns with the URDF, joint by joint:
 
     τ_j = r_j τ_URDF,j + φ₁ ζ_j + φ₂ dq_j + o_j + e_j
 
@@ -13,19 +11,9 @@ another joint leave a large share of e. r_j far from 1 is a gain, a load, or a U
 more than `RATIO`; it counts where τ_URDF,j outweighs the friction, or the part of it that friction
 does not imitate outweighs e by far.
 
-Rehearsal of a motion: the virtual robot with planted faults runs it before the real arm does.
-
-| fault | planted |
-|---|---|
-| sign | the torque of one joint with the other sign |
-| order | the torques of two joints exchanged |
-| delay | the torque stamped late |
-| tool | a body on the last link that the URDF lacks |
-| friction | one joint with a multiple of its friction |
-| gain | the torque of one joint scaled |
-
-The steps of the campaign (`inspect`, `torque_faults`, identification) must name a fault, or recover
-the arm in spite of it: its rigid-body torque along the motion is within `RECOVERED` of the truth.
+In the rehearsal a virtual robot runs the motion with one planted fault. The steps of the campaign
+must name it, or recover the arm in spite of it: its rigid-body torque along the motion is within
+`RECOVERED` of the truth.
 """
 
 import tempfile
@@ -169,6 +157,7 @@ def torque_faults(lib: Library, motion: Recording) -> tuple[str, ...]:
 
 
 KINDS = ("sign", "order", "delay", "tool", "friction", "gain")
+"""Torque of the other sign, exchanged or late, a body on the last link, friction, scaled torque."""
 SIZES = {"delay": 0.01, "tool": 1.0, "friction": 3.0, "gain": 1.3}
 """Size of a fault: delay [s], mass [kg], factors."""
 TOOL_COM = (0.0, 0.0, 0.08)

@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from runtime.errors import IdentificationError
+from runtime.campaign.shortest_session import posterior_in
 from runtime.estimators.convex.constraints import Constraints
 from runtime.estimators.convex.entropic_prior import NONE
 from runtime.estimators.gauss_newton import Linearised, gauss_newton
@@ -224,10 +224,7 @@ def _step(
     gear: GearFriction,
     searches_waves: bool = False,
 ) -> tuple[Array, Array, Array]:
-    """Gauss–Newton step (n, 4), waves that the residual shows (n,), coefficients (n, 7).
-
-    Waves are 0 where they are not searched.
-    """
+    """Gauss–Newton step (n, 4), waves that the residual shows or 0 (n,), coefficients (n, 7)."""
     parts = [prepared_columns(each, gear, preparation) for each in motions]
     samples = [samples_of(rows.replace(columns=None, column_names=()), lib) for *_, rows in parts]
     slopes = np.concatenate([each[1] for each in parts])
@@ -338,9 +335,7 @@ def _uncertainty(result: Identification, known: FrictionPrior, rows: list[int]) 
     What the friction columns do not describe has the frequencies of friction; averaged over all
     unknowns it would widen the intervals of β, which are orthogonal to these columns, by a third.
     """
-    first, lib = result.uncertainty, result.lib
-    if first is None or first.information is None:
-        raise IdentificationError("expected a model with a posterior; identify with map")
+    lib, tests = result.lib, posterior_in(result).tests
     samples = samples_of(result.train, lib)
     statistics = compress(lib, samples, result.weights)
     ends = np.cumsum(rows)
@@ -357,14 +352,13 @@ def _uncertainty(result: Identification, known: FrictionPrior, rows: list[int]) 
         coloured_noise=coloured,
         tests=False,
     )
-    return replace(posterior, tests=first.tests)
+    return replace(posterior, tests=tests)
 
 
 def gear_prior(gear: GearFriction, logs: int) -> FrictionPrior:
-    """Prior of the columns that gears show beside dry and viscous friction.
+    """Prior of the columns that gears show beside viscous friction, as shares of the dry friction.
 
-    Ripple, Stribeck peak and the difference between the directions are shares of the dry friction.
-    Without the prior a short log leaves their sum with the torque of the links open. Errors of the
+    Without it a short log leaves their sum with the torque of the links open. Errors of the
     parameters have the prior of their search, so that the posterior counts them.
     """
     dry = np.maximum(np.abs(gear.phi[:, 0]), 1e-9)
@@ -379,9 +373,7 @@ def gear_prior(gear: GearFriction, logs: int) -> FrictionPrior:
 def agreement_of(model: ArmModel, motion: Recording, unseen: float = 1.0) -> tuple[float, ...]:
     """RMS of the residual of a new log over the RMS of the stated band, per joint."""
     result, shared = model.result, len(NAMES) - 1
-    if result.uncertainty is None:
-        raise IdentificationError("expected a model with an uncertainty; identify with map")
-    lib = result.lib
+    lib, known = result.lib, posterior_in(result)
     prepared = prepared_log(motion, model.gear, PREPARATION)
     # Offsets of sensors drift between logs: no offset, and a residual without its mean.
     prepared = prepared.replace(
@@ -391,7 +383,7 @@ def agreement_of(model: ArmModel, motion: Recording, unseen: float = 1.0) -> tup
     phi = result.phi[:, :shared]
     rest = samples.tau - torque_of(lib, samples, result.pi, phi, None)
     rest = rest - rest.mean(axis=0)
-    band = np.hypot(result.uncertainty.band_of(lib, samples), result.uncertainty.noise)
+    band = np.hypot(known.band_of(lib, samples), known.noise)
     # What logs so far have not shown: friction at other speeds, ripple at other places.
     ripple = UNSEEN_RIPPLE * np.ptp(samples.tau, axis=0)
     friction = UNSEEN_FRICTION * np.sqrt(np.mean(samples.friction(phi) ** 2, axis=0))

@@ -1,13 +1,5 @@
 """Guards: what every sample of a motion must fulfil, else the robot stops.
 
-| guard | refuses |
-|---|---|
-| `LimitsGuard` | limits of joints exceeded, numbers that are not finite |
-| `TrackingGuard` | a position far from the commanded one |
-| `ExternalTorqueGuard` | an external torque above a threshold, by the momentum observer |
-| `ClockGuard` | late or repeated samples, a clock that jumps |
-| `KeyGuard` | a key of the user |
-
 Before an arm is identified they use the bodies of the URDF, and the usual error of such a model.
 """
 
@@ -140,17 +132,12 @@ class TrackingGuard:
 
 
 class ExternalTorqueGuard:
-    """External torque on one joint, by the momentum observer.
+    """External torque on one joint, by the momentum observer of a model, else of the URDF's bodies.
 
         r ~ N(0, Σ),  Σ = σ_a² M² + diag(e²),   r̂_j = (Σ⁻¹ r)_j / (Σ⁻¹)_jj,   σ_j² = 1 / (Σ⁻¹)_jj
 
     Noise of the speeds enters r through M, so that it is correlated between joints: r̂_j, a torque
     on joint j alone given the r of all joints, has a fraction of the noise of r_j.
-
-    Args:
-        lib: library of the robot.
-        rate_hz: of the samples [Hz].
-        model: identified model; None: the bodies of the URDF without friction.
     """
 
     name = "external torque"
@@ -219,17 +206,10 @@ class KeyGuard:
         return "the user pressed the key to stop" if self._pressed() else None
 
 
-def usual_guards(
-    lib: Library,
-    rate_hz: float,
-    model: SavedResult | None = None,
-    pressed: Callable[[], bool] | None = None,
-) -> Sequence[Guard]:
-    """All guards with their usual settings, fresh for one motion."""
-    guards: list[Guard] = [ClockGuard(rate_hz), LimitsGuard(lib), TrackingGuard(lib)]
-    if pressed is not None:
-        guards.append(KeyGuard(pressed))
-    return [*guards, ExternalTorqueGuard(lib, rate_hz, model)]
+def usual_guards(lib: Library, rate_hz: float, model: SavedResult | None = None) -> Sequence[Guard]:
+    """Guards of a robot with their usual settings, fresh for one motion."""
+    external = ExternalTorqueGuard(lib, rate_hz, model)
+    return [ClockGuard(rate_hz), LimitsGuard(lib), TrackingGuard(lib), external]
 
 
 def model_error(lib: Library) -> Array:

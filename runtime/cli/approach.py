@@ -25,15 +25,10 @@ HOME = "home"
 
 @dataclass(frozen=True, slots=True)
 class SessionPlan:
-    """Ways around a motion.
+    """Ways around a motion."""
 
-    Attributes:
-        there: way to its start; None without --from.
-        back: way from its end; None without --return.
-    """
-
-    there: Way | None = None
-    back: Trajectory | None = None
+    there: Way | None = None  # way to its start; None without --from
+    back: Trajectory | None = None  # way from its end; None without --return
 
     @property
     def parts(self) -> dict[str, Trajectory]:

@@ -56,7 +56,6 @@ def tutorial_command(
 
 
 def _places(incomplete: str) -> list[str]:
-    """Names of known data sets and of robots."""
     return [*bundled_logs(incomplete), *robots(incomplete)]
 
 

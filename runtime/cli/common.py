@@ -190,14 +190,12 @@ class ResultFolder:
         given.write(folder)
 
     def _is_in(self, folder: Path) -> bool:
-        """Whether a folder holds a result of the command."""
         with suppress(OSError, ValueError):
             facts = json_of(folder / self.files[0])
             return isinstance(facts, dict) and self.key in facts
         return False
 
     def _keep(self, folder: Path) -> None:
-        """Copy a result where the disk has room for it."""
         place, names = folder / EARLIER, (*self.files, FILE)
         with suppress(OSError):
             if place.is_dir() and not place.is_symlink():

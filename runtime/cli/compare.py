@@ -148,7 +148,6 @@ def compare_command(given: CompareSettings) -> None:
 
 
 def _compare_results(given: CompareSettings, other: Path) -> None:
-    """Two results side by side."""
     taken = {"log", "other", "out", "overwrite"}
     choices = (each for each in choices_of(CompareSettings) if each.name not in taken)
     if wrong := [c.written() for c in choices if getattr(given, c.name) != c.default]:

@@ -8,7 +8,12 @@ from pathlib import Path
 import numpy as np
 from rich.progress import Progress
 
-from runtime.campaign.shortest_session import PlannedSession, shortest_session, target_of
+from runtime.campaign.shortest_session import (
+    ModelError,
+    PlannedSession,
+    shortest_session,
+    target_of,
+)
 from runtime.cli.approach import SessionPlan, session_plan
 from runtime.cli.common import open_robot
 from runtime.cli.excite_settings import POSES, ExciteSettings
@@ -39,7 +44,6 @@ from runtime.excitation.search.single_start import TRIED
 from runtime.excitation.search.unseen_parameters import without_unseen
 from runtime.excitation.static_poses import RANDOM_SETS, design_poses, pose_json, pose_table
 from runtime.excitation.trajectory_file import write_trajectory
-from runtime.identification.expected_accuracy.session_error import ModelError
 from runtime.library import Library
 from runtime.library.manifest import common_unit, torque_units
 from runtime.outputs.report.motion_figures import write_pictures
@@ -199,7 +203,6 @@ def session_notes(ways: SessionPlan, session: PlannedSession) -> tuple[str, ...]
 
 
 def _times(ways: SessionPlan, motion: Trajectory) -> str:
-    """Time of each part."""
     parts = {"approach": ways.parts.get("approach"), "motion": motion}
     parts["return"] = ways.parts.get("return")
     return " + ".join(

@@ -17,7 +17,6 @@ from runtime.outputs.model_files.model import springs_left_out
 
 
 def _list_formats(wanted: bool) -> None:
-    """Print one line per format and stop."""
     if wanted:
         for each in EXPORT_FORMATS.records():
             say(f"{each.name}: {each.sentence}")

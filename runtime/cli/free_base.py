@@ -117,7 +117,6 @@ def print_errors(title: str, names: Sequence[str], *columns: Sequence[float]) ->
 
 
 def _sentences(record: ResultRecord) -> Iterator[str]:
-    """Lines on sensors, drives, links, and notes."""
     for name, sensor in (record.sensors or {}).items():
         value, sigma = sensor.value or 0.0, sensor.sigma or 0.0
         if name == "sharing":
@@ -162,12 +161,10 @@ def _of_links(record: ResultRecord) -> Iterator[str]:
 
 
 def _with_sigma(value: Any, sigma: Any) -> str:
-    """A coefficient and its standard deviation."""
     return f"{value:.4g} ± {sigma:.2g}" if sigma is not None else "is not identifiable"
 
 
 def _seconds(text: str) -> float:
-    """A stated delay."""
     try:
         seconds = float(text)
     except ValueError:

@@ -79,7 +79,6 @@ def friction_command(given: FrictionSettings) -> None:
 
 
 def _coefficients(renewed: FrictionOfLog, saved: SavedResult) -> Table:
-    """Earlier and present coefficients with their standard deviations."""
     rows: list[tuple[str, ...]] = []
     names = renewed.result.train.column_names
     for k, joint in enumerate(saved.record.joints):

@@ -41,19 +41,14 @@ from runtime.recording.streamed import StreamedRecording, is_large, open_log
 
 LEFT_OUT = "Leave one log out: torque error of each log"
 STATISTICS = "statistics.npz"
-"""Name of the file of the setting save_statistics."""
 
 UNFINISHED = frozenset(
     end.value for end in (Status.INTERRUPTED, Status.MAX_ITERATIONS, Status.DIVERGED)
 )
-"""Ends of a method that the summary states."""
 
 
 def finish(result: Identification, folder: Path, given: IdentifySettings, inspect: str) -> None:
-    """Write all files of a result, then print it: a pipe that closes costs no file.
-
-    inspect: command that inspects the log.
-    """
+    """Write all files of a result, then print it: a pipe that closes costs no file."""
     record = write_result(result, folder, command_line())
     files = _written(result, folder, given)
     for line in (*_summary(result, record, inspect, given.robot), *files):
@@ -122,7 +117,6 @@ def _summary(
 
 
 def _print_details(result: Identification, record: ResultRecord) -> None:
-    """Tables, status, gap and all notes."""
     title = f"{record.robot}, {record.method}: torque error on {tested_on(record)} data"
     errors = (record.torque_error_percent, record.torque_rms)
     logs = record.sessions

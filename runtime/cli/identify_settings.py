@@ -164,7 +164,6 @@ class IdentifySettings(FitChoices):
         return replace(settings, inputs=inputs or None)
 
     def _known_friction(self, lib: Library) -> KnownFriction | None:
-        """Friction of a file of priors."""
         prior = prior_of(self.friction_prior, lib)
         if prior is None:
             return None

@@ -179,10 +179,7 @@ def open_result(
     free_base: bool = False,
     same_bodies: bool = False,
 ) -> tuple[SavedResult, Library, tuple[str, ...]]:
-    """Open a result and its robot, or the named one, with notes on the model.
-
-    learned, free_base: whether friction beyond columns and a free base are taken.
-    """
+    """Open a result and its robot, or the named one, with notes on the model."""
     saved = read_result(result, with_learned=learned)
     free_base = free_base and saved.record.is_free
     lib = open_robot(given.robot or saved.record.robot, given.yes, takes_free_base=free_base)

@@ -162,10 +162,7 @@ def _per_joint(lib: Library, text: str | None, option: str) -> tuple[float, ...]
 
 
 def carried_body(lib: Library, text: str | None) -> CarriedBody | None:
-    """Body of the option --carry in the frame of the link that carries it.
-
-    A body whose inertia is not given is a homogeneous box, or a point mass without a box.
-    """
+    """Body of --carry in the frame of its link; without inertia a homogeneous box or a point."""
     if text is None:
         return None
     body, box = _body_and_box(text)
@@ -234,12 +231,7 @@ def _placed(mount: Mount, box: Array) -> CarriedBox:
 
 
 def band_of_prior(lib: Library, trust: str) -> Array:
-    """The 95 % intervals of all parameters under the inertial prior around the URDF.
-
-    σ² are the diagonal of (κ B)⁻¹, with B the curvature of the prior (`posterior_spread`).
-
-    Returns (10 L,) [kg, kg·m, kg·m²].
-    """
+    """95 % intervals (10 L,) of the prior around the URDF: σ² = diag (κ B)⁻¹, B its curvature."""
     try:
         kappa = TRUST[trust] if trust in TRUST else float(trust)
     except ValueError:
@@ -253,12 +245,10 @@ def band_of_prior(lib: Library, trust: str) -> Array:
 
 
 def band_of_payload(lib: Library, text: str, body: CarriedBody | None) -> Array:
-    """Half-widths of the parameters of the link with the payload.
+    """Half-widths of the parameters of the link with the payload, (10 L,) [kg, kg·m, kg·m²].
 
     Masses of M in all, at places p with |p_i − c_i| ≤ r, change m by M, m c_i by M (|c_i| + r), and
     the inertia by M (|p|² 1 − p pᵀ) at most, entry by entry.
-
-    Returns (10 L,) [kg, kg·m, kg·m²].
     """
     mass, reach = numbers_option(text, 2, "the setting payload_band")
     if not (0 < mass < np.inf and 0 <= reach < np.inf):

@@ -35,7 +35,6 @@ FROM = (
     "Present pose, from which the way to the start is planned under the same limits: home, one "
     "number per joint with commas (rad or m), or a log, whose last row counts."
 )
-"""Help of --from."""
 EXPORT_MARGIN = 0.95
 """Default share of the limits that an exported motion uses."""
 SAMPLED = ".motion.csv"
@@ -136,7 +135,7 @@ class MotionChoices(LimitChoices):
     def write_stages(self, motion: CertifiedMotion, path: Path, written: Sequence[Path]) -> None:
         """Print the certificate of every stage and the files; write those for a robot.
 
-        Files of a robot are those of every stage, or none unless the certificates of all hold.
+        They are written of every stage, or of none unless the certificates of all hold.
         """
         stages = certified_stages(motion, self.percents)
         say(f"trajectory: {', '.join(map(str, written))}")

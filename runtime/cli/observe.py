@@ -49,7 +49,6 @@ RAISED = 2.0
 OFTEN = 2.0
 """Expected over stated rate of false alarms from which it is said."""
 SHOWN = 20
-"""Contacts that are printed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,9 +4,8 @@ The noise of --noise is given as numbers, or as a log whose residuals are its no
 
     σ_j = RMS of the residuals of joint j,    T = (N / N_eff) / f
 
-A log of the robot contains its model error: friction beyond the columns, gains, delays. Its
-residuals are autocorrelated, so that only one row per T counts as independent. Numbers are
-independent noise alone.
+They contain the model error, friction beyond the columns, gains and delays, and are autocorrelated,
+so that only one row per T counts as independent. Numbers are independent noise alone.
 """
 
 from dataclasses import dataclass
@@ -30,7 +29,6 @@ NOISE_HELP = (
     "without model error; or a log of this robot, whose residuals contain friction beyond the "
     "columns, gains and delays, with their autocorrelation"
 )
-"""Help of the option."""
 WHITE, COLOURED = "white", "coloured"
 NoiseModel = Annotated[
     str,

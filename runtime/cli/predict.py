@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from runtime.campaign.shortest_session import ModelError
 from runtime.cli.common import counting, open_robot, state
 from runtime.cli.log_options import Cutoff, LogChoices, Rate, bundled_logs
 from runtime.cli.planned_log import (
@@ -56,7 +57,6 @@ from runtime.identification.expected_accuracy.planned_samples import (
     noise_of,
     planned_recording,
 )
-from runtime.identification.expected_accuracy.session_error import ModelError
 from runtime.identification.prepared_log import prepared_log
 from runtime.identification.settings import Settings
 from runtime.library import Array, Library
@@ -148,10 +148,11 @@ def predict_command(given: PredictSettings) -> None:
     moved = _moved(given, lib, given.trajectory, given.log_rate)
     situation = situation_of(lib, moved, given)
     now = situation.expected()
-    steps = () if given.more is None else _gains(situation, now, given)
+    further = None if given.more is None else _further(situation, given)
+    steps = () if further is None else _gains(situation, now, further)
     if given.plot is not None:
-        more = None if given.more in {None, SAME} else _further(situation, given)
-        until = SECONDS[-1] if given.more is not None else 0.0
+        more = None if further is moved else further
+        until = 0.0 if further is None else SECONDS[-1]
         common = situation.moved, situation.noise, situation.known, situation.unit
         drawn = growth(lib, *common, base_names(lib), more=more, until=until)
         draw_growth(drawn, given.plot)
@@ -301,7 +302,6 @@ def _unseen(situation: Situation, now: Expected, gain_error: float) -> tuple[Arr
 
 
 def _gain_error(given: float | None, payload_only: bool) -> float:
-    """Value of the setting gain_error."""
     if given is None:
         return ModelError().gain
     if payload_only:
@@ -376,11 +376,10 @@ def _further(situation: Situation, given: PredictSettings) -> MotionSamples:
 
 
 def _gains(
-    situation: Situation, now: Expected, given: PredictSettings
+    situation: Situation, now: Expected, further: MotionSamples
 ) -> tuple[GainOfRecording, ...]:
-    further, lib = _further(situation, given), situation.lib
-    name = "the same motion" if given.more == SAME else further.name
-    only = situation.known.payload_only
+    lib, only = situation.lib, situation.known.payload_only
+    name = "the same motion" if further is situation.moved else further.name
     before = now.by_name(lib, only)
     return tuple(
         gained(before, situation.expected(further, s).by_name(lib, only), s, name) for s in SECONDS

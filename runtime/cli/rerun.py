@@ -21,7 +21,6 @@ from runtime.errors import RuntimeFault
 PROVENANCE = {"command", "created", "date", "seconds", "versions", "wall_s", "cpu_s", "provenance"}
 """Keys of a document on when, where and how long, which differ between runs."""
 DIFFERENT = 1
-"""Exit code where digits differ."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +77,6 @@ def rerun_command(given: RerunSettings) -> None:
 
 
 def _pairs(first: Path, again: Path) -> Iterator[tuple[Path, Path]]:
-    """Files of a result that are compared, with those of the second run."""
     if first.is_file():
         yield first, again
         return

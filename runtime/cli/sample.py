@@ -28,7 +28,6 @@ THICKENED = (
     "{} of the smallest second moment"
 )
 MOST = 100_000
-"""Largest number of models."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

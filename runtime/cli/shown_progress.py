@@ -46,10 +46,7 @@ def cutoff_table(choice: CutoffChoice) -> Table:
 
 
 def friction_table(choice: FrictionChoice) -> Table:
-    """Candidates of --friction auto with their cross-validation errors; an arrow marks the choice.
-
-    The error is in units of the torque noise.
-    """
+    """Candidates of --friction auto, errors over the torque noise; an arrow marks the choice."""
     table = Table("friction model", title="Friction model: cross-validation error over noise")
     for head in ("error", "above the best", "AIC", "unknowns"):
         table.add_column(head, justify="right")

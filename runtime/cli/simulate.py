@@ -156,7 +156,6 @@ def simulate_command(given: SimulateSettings) -> None:
 
 
 def _is_virtual(given: SimulateSettings) -> bool:
-    """Whether the engine is MuJoCo."""
     stated = given.stated()
     for_mujoco = any(name in stated for name in _ONLY_MUJOCO)
     virtual = for_mujoco if given.engine is None else given.engine is Engine.mujoco
@@ -226,7 +225,6 @@ def _compiled(
 
 
 def _write(lib: Library, motion: Trajectory, made: Made, path: Path, keep_every: int) -> None:
-    """Write the log, and beside it the true parameters, the motion and the controller."""
     recording, facts, loop = made
     if keep_every > 1:
         rows = np.arange(0, len(recording), keep_every)

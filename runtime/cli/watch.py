@@ -30,7 +30,6 @@ from runtime.recording.reader import locate, mean_of_column
 from runtime.recording.row_marks import Marks, row_hashes, row_marks, share_of_rows
 
 SHOWN = 5
-"""Hypotheses that are printed per log."""
 KNOWN = 0.5
 """Share of rows of the model, or of a log of reference, from which on a log is no later one."""
 

@@ -1,12 +1,7 @@
 """Contradictions between data, prior and result, in sentences that say which of them is wrong.
 
-Before any statement of trust: is the torque that of the columns (`column_faults`), which cause
-explains what the fit leaves (`regression.causes`), do the torques fit the inertial prior
-(`prior_test`), does the friction fit its columns, and does the result fit the torques?
 At most one of the answers is a doubt; a URDF that is off is none, because the result follows the
-data.
-
-Test of an inertial prior against the data, and the links whose prior the data contradict.
+data. The test of an inertial prior, and the links whose prior the data contradict:
 
     T = min over π of ‖A π − b‖² / S + 2 κ Σ_k [tr(P0_k⁻¹ P_k) − log det P_k − 4 + log det P0_k]
 
@@ -27,9 +22,8 @@ from scipy.special import chdtri
 
 from runtime.common.tables import significant
 from runtime.estimators.column_faults import column_faults
-from runtime.estimators.convex.compiled import solve
 from runtime.estimators.convex.entropic_prior import Prior
-from runtime.estimators.convex.newton import convex_problem
+from runtime.estimators.convex.newton import convex_problem, solve
 from runtime.estimators.regression.causes import (
     DELAY,
     GAIN,
@@ -269,7 +263,6 @@ def sentence_of(lib: Library, named: tuple[Cause, ...]) -> str:
 
 
 def _words(lib: Library, cause: Cause) -> str:
-    """Kind, joint, size and σ of a cause."""
     name = lib.joint_names[cause.joint]
     unit, size = torque_units(lib.manifest)[cause.joint], cause.size
     angle, scale = ("mm", 1e3) if unit == "N" else ("°", 180 / np.pi)

@@ -44,7 +44,6 @@ NEGATIVE_CAUSE = (
     "are exchanged, a gear ratio is missing, or the friction falls with speed; check the log with "
     "symgen inspect"
 )
-"""Cause of negative friction, and its remedy."""
 
 OF = " of "
 """Between the name of a column and that of its joint."""

@@ -2,10 +2,9 @@
 
     x ← x + s Δ,   Δ = C Jᵀ r,   0 < s ≤ 1
 
-A problem linearises itself at x: delays and encoder biases around an identification, gains around
-rows of a payload or of a prior, parameters of friction. The step is bounded by component, then
-halved until the cost of this linearisation does not rise; what other unknowns take on at each x
-(weights, noise, linear parameters) belongs to the problem.
+A problem linearises itself at x, with what other unknowns take on there (weights, noise, linear
+parameters). The step is bounded by component, then halved until the cost of this linearisation
+does not rise.
 Source: Nocedal & Wright 2006, Ch. 10; variable projection, Kaufman 1975.
 """
 

@@ -133,7 +133,6 @@ def fit_by(
 
 
 def _those(flag: str) -> list[str]:
-    """Names of the methods that have a flag, in order."""
     return [m.name for m in METHODS.records() if getattr(m, flag)]
 
 

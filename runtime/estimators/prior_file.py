@@ -2,7 +2,7 @@
 
     trust = "cad"                     # cad | gripper | none, or κ itself
     total_mass = [17.0, 18.5]         # kg; one number holds exactly
-    armature_from = "robot.xml"       # MJCF or URDF; see below for [armature]
+    armature_from = "robot.xml"       # armature of <joint> in an MJCF, of its <dynamics> in a URDF
 
     [link.fr3_link7]
     mass = [0.5, 1.5]                 # kg
@@ -10,33 +10,25 @@
     com_hull = [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]
     symmetry = ["xz"]                 # planes of the link frame through its origin
 
-Every entry is optional and every one is linear in π.
-
-Rotor inertia is stated per joint, or read from the armature of an MJCF or URDF:
-
     [armature]
-    joint1 = 0.15                 # kg·m², σ half of it
-    joint2 = [0.057, 0.01]        # value and σ
+    joint1 = 0.15                     # kg·m², σ half of it: a data sheet's times a squared ratio
+    joint2 = [0.057, 0.01]            # value and σ
 
-armature_from reads <joint name="…" armature="…"/>, or the armature of its <dynamics>. σ of half the
-value stands for a rotor inertia from a data sheet times the square of a gear ratio.
-
-`[centre]`, `[friction]` and `[noise]` are those of a type of robot, which `fleet` writes:
-
-    [centre]
+    [centre]                          # this and what follows is of a type, written by `fleet`
     fr3_link1 = [m, mX, mY, mZ, XX, YY, ZZ, XY, XZ, YZ]  # SI, about the link frame
 
     [friction]
-    coulomb_speed = 0.02             # rad/s, width that the values belong to
+    coulomb_speed = 0.02              # rad/s, width that the values belong to
 
     [friction.fr3_joint1]
-    viscous = [0.51, 0.05]           # value and standard deviation
+    viscous = [0.51, 0.05]            # value and standard deviation
 
     [noise]
-    inflation = 14.0                 # N/N_eff
-    fr3_joint1 = 0.1                 # N·m, standard deviation of the torque's residual
+    inflation = 14.0                  # N/N_eff
+    fr3_joint1 = 0.1                  # N·m, standard deviation of the torque's residual
 
-A link that is not listed keeps the inertia of the URDF.
+Every entry is optional and those of bodies are linear in π. A link that is not listed keeps the
+inertia of the URDF.
 """
 
 import math
@@ -66,7 +58,6 @@ from runtime.recording.settings import COLUMNS, WIDTHS, widths_of
 LARGEST_PRIOR = 1e9
 """Largest number of the tables [SI]."""
 INFLATION = "inflation"
-"""Key of N / N_eff in [noise]."""
 ALIKE = 1e-9
 """Relative difference below which two widths are the same."""
 

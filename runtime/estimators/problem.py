@@ -1,10 +1,9 @@
 """`Problem` and `Fit`: the input and the result of every estimator.
 
-A robot has a unit of mass, so that arms of grams and of tons get the steps of arms of kilograms.
-Steps in λ, thresholds of the loss and the noise of the document's weights are in kg, m and N·m, for
-arms of a few kg per link. τ and F φ are linear in masses, so that a problem in another unit s of
-mass has τ/s, φ/s and π/s, and a loss L/s². s is a power of four, which makes the conversion exact,
-and 1 for usual arms.
+Steps in λ, thresholds of the loss and the noise of the document's weights are those of arms of a
+few kg per link, in kg, m and N·m. Other arms have another unit s of mass: τ and F φ are linear in
+masses, so that the problem has τ/s, φ/s and π/s, and a loss L/s². s is a power of four, which makes
+the conversion exact, and 1 for usual arms.
 """
 
 from collections.abc import Callable, Iterable, Mapping

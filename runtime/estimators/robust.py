@@ -27,7 +27,6 @@ from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 
 LENGTH = 10
-"""Rows of a block."""
 FEWEST_BLOCKS = 20
 """Blocks below which their spread is not known."""
 K = 3.0

@@ -1,12 +1,11 @@
 """Uncertainty of an identified model: covariance of π, shares of data and prior, torque bands.
 
-Laplace's approximation of the posterior of π:
+Laplace's approximation of the posterior of π (MacKay 2003, Ch. 27):
 
     C = (N H / S)⁻¹ = (AᵀA / S + κ B)⁻¹,  B = ∇² Σ_k [tr(P0_k⁻¹ P_k) − log det P_k]
 
 with A of weighted, friction-eliminated data and S, their noise at the frequencies of the motion
 (`coloured_noise`). C lives in π, not in λ, where the delta method is undefined at a = b or c = 0.
-Source: Bayes' rule by Laplace's approximation (MacKay 2003, Ch. 27).
 
 An estimate has an error beyond C, which is computed from data with hardly any prior:
 
@@ -16,8 +15,8 @@ A Gaussian prior of unknown quality, 100 % of every direction of bodies as large
 URDF but round, moves only what the data leave undetermined. It has no boundary, and it does not
 confine a link that is thin in the URDF. With d = π̂ − π_v an estimate π̂ has the mean squared error
 C + d dᵀ. C is the posterior covariance for the most probable model, and C_v for other methods.
-Source: bias and variance of an estimate; Hausman 1978 for the comparison of an efficient estimator
-with one that holds under weaker assumptions.
+Source: Hausman 1978 for the comparison of an efficient estimator with one that holds under weaker
+assumptions.
 """
 
 from collections.abc import Callable
@@ -230,8 +229,8 @@ def uncertainty_of(
 ) -> Uncertainty:
     """Uncertainty of an identified model, by any method.
 
-    gain_sigma: expected relative σ of the gain of every torque; has_memory: whether the friction
-    has one, whose stroke is then uncertain.
+    gain_sigma: expected relative σ of every torque gain; has_memory: of friction, whose stroke is
+    then uncertain.
     """
     rest = residuals(lib, samples, pi, phi)
     coloured = coloured_noise

@@ -109,7 +109,7 @@ def _slopes(reduced: GainRows, z: Array) -> Array:
 def most_probable(
     reduced: GainRows, z: Array | None = None, density: float = 1.0
 ) -> tuple[Array, Array]:
-    """Most probable c with z integrated out, and z there.
+    """Most probable c with z integrated out, and z there, (w,).
 
         min ½ ‖rest(z, c)‖² + ½ log det H(c),    H = ∂²/∂z² of the first term
 
@@ -117,8 +117,6 @@ def most_probable(
     that the data determine. ∂/∂ ln c_j of the second term is the number d_j of directions that
     channel j determines (MacKay 2003, Ch. 27). Gauss–Newton on z, with c eliminated (variable
     projection, Kaufman 1975) and with the noise of the present residuals.
-
-    z (w,) → (w,).
     """
     w = reduced.width
 
@@ -293,7 +291,6 @@ def _density(rows: _Channels, beta: Array, c: Array, noise: Array) -> float:
 def _gains(
     channels: tuple[str, ...], c: Array, sign: Array, with_prior: Array, without: Array, scale: str
 ) -> CurrentGains:
-    """Gains with verdicts from c and the two covariances of ln c."""
     share, alone = np.sqrt(np.diagonal(with_prior)), np.sqrt(np.diagonal(without))
     seen = share < 1 / _SEEN
     if not seen.any():

@@ -9,10 +9,8 @@ A search that finds no violation bounds the share of the box in which M is not p
 below 1 − 0.05^(1/N) with 95 % confidence. Base parameters of a method without constraints need the
 search; a controller that inverts M needs the answer.
 
-Errors of positions that a model predicts from the commands of a control law alone.
-
-What a model of a servo arm is for: where the joints go for a sequence of commands. The prediction
-starts at the first row and sees no measurement after it.
+Positions are predicted from the commands of a control law alone: the prediction starts at the first
+row and sees no measurement after it.
 """
 
 from collections.abc import Sequence
@@ -229,10 +227,7 @@ def joint_box(lib: Library) -> tuple[Array, Array]:
 
 
 def _least_eigenvalue(lib: Library, pi: Array, rotors: Array, q: Array) -> tuple[float, Array]:
-    """λ_min and its gradient vᵀ ∂(M v)/∂q, v its eigenvector.
-
-    M v is the torque at rest for the acceleration v, without that of gravity.
-    """
+    """λ_min and its gradient vᵀ ∂(M v)/∂q, v its eigenvector; M v: torque of an acceleration v."""
     values, vectors = np.linalg.eigh(lib.mass_matrix(q, pi) + np.diag(rotors))
     v, still = vectors[:, 0], np.zeros(lib.n_joints)
     pushed, _, _ = lib.inverse_dynamics_derivatives(q, still, v, pi)

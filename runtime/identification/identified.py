@@ -226,10 +226,7 @@ class Identification(Framed):
 def torque_errors(
     result: Identification, pieces: Iterable[Samples] | None = None
 ) -> tuple[metrics.TorqueError, ...]:
-    """Torque errors on the test part, or on pieces of it.
-
-    They are those of the URDF, of the result, and of the URDF with fitted friction.
-    """
+    """Errors on the test part, or pieces of it: URDF, result, and URDF with fitted friction."""
     if result.streamed is not None:
         return result.streamed.errors
     lib, fit = result.lib, result.trained or result

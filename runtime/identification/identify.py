@@ -2,13 +2,9 @@
 
     log(s) ─▶ cut-off, regressor, friction model ─▶ rows ─▶ fit ─▶ errors ─▶ fit to all rows
 
-`prepared_log` makes the choices; a log in memory, a streamed log and several logs give their rows
-to the same fit (`single_log.identify_assembled`).
-
-Delay, encoder biases and mirrored links are requested by the settings. Of a streamed log delay and
-biases are those of its first rows, of several logs those of each alone. The encoders are the same
-in all logs, so that the biases of K logs, each with the prior N(0, σ₀²), have the precision Σ
-1/σ_k² − (K − 1)/σ₀².
+Delay and encoder biases of a streamed log are those of its first rows, of several logs those of
+each alone. The encoders are the same in all logs, so that the biases of K logs, each with the prior
+N(0, σ₀²), have the precision Σ 1/σ_k² − (K − 1)/σ₀².
 """
 
 import math
@@ -175,10 +171,7 @@ def identify(
 def with_row_marks(
     result: Identification, log: Source | Sequence[Source], split: Split | None
 ) -> Identification:
-    """The result with marks of the rows that were fitted, by which other commands know them.
-
-    A log that is left in its file has none.
-    """
+    """The result with marks of the fitted rows, for other commands; none of a log in its file."""
     every = [log] if isinstance(log, (Recording, StreamedRecording, NamedLog)) else log
     logs = [each.recording if isinstance(each, NamedLog) else each for each in every]
     marks = [
@@ -331,9 +324,9 @@ def without_drives(
     settings: Settings,
     progress: Progress = SILENT,
 ) -> tuple[list[PreparedLog], list[DriveFit], list[str]]:
-    """The logs without the delays of their torques and the biases of their encoders; both; notes.
+    """The logs without delays of torques and biases of encoders; both; notes.
 
-    What is unknown is estimated from every log alone, with the friction model of the first.
+    They are estimated from every log alone, with the friction model of the first.
     """
     delay, has_bias = settings.delay, bool(settings.encoder_bias)
     request = DriveRequest(delay in {AUTO, PER_JOINT}, delay == PER_JOINT, has_bias)

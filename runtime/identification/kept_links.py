@@ -35,7 +35,6 @@ LEAST_SHARE = 0.1
 PASSES = 3
 """Fits, each with the weights and the noise of the residuals of the one before."""
 ROWS = 8192
-"""Rows that the noise is estimated from."""
 QUIET = 1e-6
 """Least residual of a joint over its RMS torque: rounding, where a model is exact."""
 TINY = 1e-12

@@ -5,16 +5,11 @@
     pass 3  all rows of the test part → ‖τ − τ̂‖ of the answer
     on request all rows of all parts → factor of the second fit (`single_log.identify_assembled`)
 
-Blocks are prepared as the whole log would be, so that the factor is that of the whole.
-Every method that needs only factors and sums of the samples can be used. No block reaches beyond
-its part, so that no row of the test part has an effect on the others
-(`runtime.recording.preprocessing.parts` does the same for a log in memory).
-
-Each block has enough overlap that its edges have no effect. The response of a Butterworth filter of
-order p decays like exp(−t/T), T = 1 / (2π f_c sin(π/2p)); thirty T on both sides leave 1e-13 of the
-signal beyond the block. Blocks begin at instants that decimation keeps, so that the prepared rows
-are those of all rows at once. Each block is prepared once; its rows are then stored in a temporary
-file.
+The factor is that of the whole log: each block has enough overlap that its edges have no effect,
+and begins at instants that decimation keeps. The response of a Butterworth filter of order p decays
+like exp(−t/T), T = 1 / (2π f_c sin(π/2p)); thirty T on both sides leave 1e-13 of the signal beyond
+the block. No block reaches beyond its part, so that no row of the test part has an effect on the
+others. Each block is prepared once; its rows are then stored in a temporary file.
 """
 
 from bisect import bisect_left
@@ -189,11 +184,10 @@ def _stored(rows: Recording, spool: Spool) -> _Kept:
 
 
 def _keep_freed_memory() -> None:
-    """Let the C library keep what one block frees for the next.
+    """Let the C library keep what one block frees for the next; elsewhere without effect.
 
-    glibc returns freed arrays to the system from a size on that it raises to that of the largest
-    array freed so far, 32 MiB at most. New pages for every array of every block take a fifth of the
-    computing time. Elsewhere the call has no effect.
+    glibc returns arrays to the system above a size that it raises to that of the largest one freed,
+    32 MiB at most. New pages for every array of a block take a fifth of the computing time.
     """
     np.empty(31 * 2**20, dtype=np.uint8)
 
@@ -296,8 +290,7 @@ def parts_of_log(
 def first_row(share_of: Callable[[int], float], count: int, share: float) -> int:
     """First row whose share of the duration is not below a bound.
 
-    The search begins where a uniform clock has that row and doubles its steps from there, since
-    every share is read from the file.
+    The search begins where a uniform clock has that row: every share is read from the file.
     """
     place = min(max(int(np.ceil(share * (count - 1))), 0), count - 1)
     is_later = share_of(place) < share
@@ -387,10 +380,7 @@ def assemble_streamed(
 
 
 def _windows(blocks: Blocks, name: str) -> Recording:
-    """Windows spread evenly over a part, joined to one recording with gaps in time.
-
-    All blocks of the part are prepared and stored, since the passes that follow need them.
-    """
+    """Windows spread evenly over a part, joined with gaps in time; all blocks are stored."""
     within = blocks.within()
     chosen = set(np.linspace(within.start, within.stop - 1, WINDOWS).round().astype(int).tolist())
     windows = []

@@ -1,26 +1,18 @@
-"""posterior.npz beside result.json: data and prior of the posterior of π and φ.
+"""posterior.npz beside result.json: data and prior of the posterior of π and φ, and σ of φ.
 
     p(π, φ) ∝ exp(−‖R [K π; φ] − r‖² / 2S − κ Σ_k [tr(P0_k⁻¹ P_k) − log det P_k])
 
 Given π, φ is normal: U φ = t − O π + √S ε with the triangle U of its columns. To second order π is
-normal with the root L_π of `Uncertainty`, so that a root of the covariance of [β; φ] is
+normal with the root L_π of `Uncertainty`, so that roots of the covariance of [β; φ] and of φ are
 
-    L = [K L_π, 0;  −U⁻¹ O L_π, √S U⁻¹]
+    L = [K L_π, 0;  −U⁻¹ O L_π, √S U⁻¹],   L_φ = [−U⁻¹ O L_π, √S U⁻¹, φ − U⁻¹ (t − O π)]
+
+with what the estimate of φ differs from the best one at its π, as in methods with other weights.
+L_π contains nuisance torque, errors of torque gains, and the delay and encoder biases that are
+estimated. A coefficient without an interval has NaN: its column is zero or a combination of other
+friction columns, it is held at the bound 0, or learned friction shares its torque.
 
 The file states π of its result.json and is refused beside another one.
-
-Standard deviations and 95 % intervals of friction coefficients and stiffnesses of springs.
-
-To second order [π; φ] is normal. With the best φ at π, U φ = t − O π, and the root L_π of the
-covariance of π a root of the covariance of φ is
-
-    L_φ = [−U⁻¹ O L_π, √S U⁻¹, φ − U⁻¹ (t − O π)]
-
-The last column is what the estimate differs from the best φ at its π, as in methods with other
-weights. L_π contains nuisance torque, errors of torque gains, and the delay and encoder biases that
-are estimated. A coefficient without an interval of this kind has NaN: its column is zero or a
-combination of other friction columns, it is held at the bound 0, or learned friction shares its
-torque.
 """
 
 from dataclasses import asdict, dataclass, replace

@@ -2,9 +2,8 @@
 
     cut-off → gains of currents → regressor → friction model
 
-Each is chosen by the data before the test part, for a streamed log by its first rows. What the
-settings state is not chosen. Of a log of poses at rest that were reached from both sides, the mean
-of each pair is taken.
+What the settings do not state is chosen by the data before the test part, of a streamed log by its
+first rows. Of poses at rest that were reached from both sides the mean of each pair is taken.
 """
 
 from collections.abc import Sequence
@@ -90,7 +89,7 @@ def prepared_log(
 ) -> PreparedLog:
     """Choose cut-off, regressor and friction model of a log where the settings do not state them.
 
-    usable: columns of the friction model where neither settings nor recipe name one; () for none.
+    Where neither settings nor recipe name columns of friction they are chosen from `usable`.
     """
     streamed = log if isinstance(log, StreamedRecording) else None
     recording = head_of(log) if isinstance(log, StreamedRecording) else log
@@ -158,10 +157,9 @@ def chosen_filter(
     terms: Friction | None = None,
     progress: Progress = SILENT,
 ) -> tuple[Preparation | None, tuple[str, ...], Differentiation | None]:
-    """The preparation of the log, and a sentence on its cut-off where that was chosen.
+    """The preparation with its cut-off, a sentence where that was chosen, and its quality if known.
 
-    It is chosen where it is asked for, and where neither settings nor recipe state a filter and
-    differentiation without one fails; its quality is returned where it was computed for that.
+    It is chosen where it is asked for, and where nothing states a filter and differentiation fails.
     """
     is_free, quality = settings.cutoff == AUTO, None
     stated = settings.cutoff, settings.rate, settings.regressor
@@ -196,8 +194,7 @@ def filter_for_accelerations(
 ) -> tuple[Preparation | None, tuple[str, ...]]:
     """As `chosen_filter`, for fits that take no rows but those of accelerations.
 
-    A chosen cut-off is lowered until the noise of the accelerations biases nothing; a note states
-    the noise of a stated one.
+    A chosen cut-off is lowered to harmless noise of accelerations; a note states other noise.
     """
     wanted = Settings(cutoff=cutoff, rate=rate)
     prepared, notes, _ = chosen_filter(recording, lib, wanted)

@@ -42,7 +42,6 @@ __all__ = ["Assembly", "assemble"]
 
 PARTS = ("train", "validation", "test")
 Parts = tuple[Recording, Recording, Recording]
-"""Training, validation and test part."""
 WITHOUT_PRIOR = "pc-ols"
 """Method for such a robot where none is named: consistent, and convex from any start."""
 NO_MASSES = (
@@ -257,11 +256,7 @@ def _aligned(
     prepared: Callable[[Recording, Preparation], Recording],
     rounding: NDArray[np.bool_],
 ) -> Callable[[Recording], Samples]:
-    """Map from another recording of the same clock to its samples at the rows of `part`.
-
-    The rows of the other recording in the share of the training part pass the same preparation; the
-    values are interpolated at part.t.
-    """
+    """Map from a recording of the same clock, prepared alike, to samples at the rows of `part`."""
     usual = replace(steps, rest_speed=None)
 
     def rows(other: Recording) -> Samples:

@@ -1,7 +1,4 @@
-"""Writer of result.json, predictions.npz and posterior.npz: each is written whole or not at all.
-
-Warnings about a result: sentences on its limits, each with what to do.
-"""
+"""Writer of result.json, predictions.npz and posterior.npz, whole or not at all; warnings in it."""
 
 import re
 from collections.abc import Iterable
@@ -215,10 +212,7 @@ def _negative(result: Identification) -> list[str]:
 
 
 def still_joints(result: Identification) -> tuple[str, ...]:
-    """Sentence on joints that do not move in the whole training part, the first that matters.
-
-    None for a streamed log, whose rows are not all in memory.
-    """
+    """Sentence on joints that rest in the training part; none for a log that is not in memory."""
     if result.streamed is not None:
         return ()
     names = np.array(result.lib.joint_names)
@@ -363,7 +357,6 @@ def provenance_of(
 
 
 def _recording(result: Identification) -> schema.RecordingPart:
-    """Name, duration, rows, preparation and split of the log."""
     logs = {"train": result.train, "validation": result.validation, "test": result.test}
     whole = result.streamed
     samples = {name: len(log) for name, log in logs.items()} if whole is None else whole.samples

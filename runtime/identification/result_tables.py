@@ -25,10 +25,7 @@ def error_table(
     title: str = "",
     note: str = "",
 ) -> Table:
-    """Torque errors per row and overall, before and after identification.
-
-    The percentages are relative to the RMS torque of the joint, the RMS values in its unit.
-    """
+    """Torque errors per row and overall: shares of the RMS torque, and RMS in its unit."""
     units = [unit.replace("*", "·") for unit in units]
     rows = zip(names, shares.before, shares.after, rms.before, rms.after, units, strict=True)
     whole = (shares.before_overall, shares.after_overall)
@@ -59,10 +56,9 @@ def parameter_columns(links: Sequence[str], **values: Any) -> dict[str, list[Any
 
 
 def share_table(record: ResultRecord) -> Table | None:
-    """Torque errors of the URDF, of the URDF with friction fitted, and of the identified model.
+    """Errors of the URDF, of the URDF with friction, and of the result; None without friction.
 
     The step from the first to the second row is the share of friction, the rest that of inertia.
-    None where no friction is fitted.
     """
     shares = record.torque_error_percent
     if shares.urdf_friction_overall is None:

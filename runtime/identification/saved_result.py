@@ -1,6 +1,4 @@
-"""Reader of result.json for commands that compute with an identified model.
-
-Identity of models: whether the parameters of a result hold for the model of a library.
+"""Reader of result.json, and whether its parameters hold for the model of a library.
 
 π is written in the frames of the links, so that it holds for any library whose joints have the same
 placements. Another gravity, other inertials or a newer generator leave π valid and are noted. Other

@@ -1,24 +1,20 @@
-"""Gain and bias of the torque sensors per joint, with intervals and notes.
-
-The reading of a joint is g_j times the true torque. Without a known load, parameters and friction
-absorb any factor that all g_j have in common. The payload determines this factor, and β, which the
-joints share, transfers it to joints that the payload hardly loads. Correlated residuals count as
-N_eff samples (`coloured_noise`); intervals contain scatter of blocks and torque that no column has
-(`model_error`). Source: Gautier & Briot 2014 for the joint problem.
-
-Least squares of the sensor gains, from two runs and a known payload.
+"""Gain and bias of the torque sensors per joint from two runs and a known payload.
 
     τᵐ = G (Y_b β + F φ + [loaded run] Y_k π_L) + b_run + e,   G = diag g
 
 Rows belong to the channels: the joints, or the motors where the gear couples them, τ_m = R⁻ᵀ τ. The
-six entries of an unknown inertia of the payload are further unknowns. Solved is
+six entries of an unknown inertia of the payload are further unknowns. The payload determines the
+factor that all g_j have in common, and β transfers it to joints that the payload hardly loads.
+Solved is
 
     min over θ, g, b of Σ_j ‖τᵐ_j − g_j (X_j θ + y_j) − b_j‖²/σ_j²,   on one triangle per channel
 
 Divided by g_j the problem is linear in (θ, a = 1/g): a_j τᵐ_j − y_j = X_j θ (Gautier & Briot 2014).
 There the noise of τᵐ is among the columns and biases the solution, so that this form only gives the
 start. In the form above the noise is additive, so that Gauss–Newton on (θ, g) with σ_j from the
-residuals is maximum likelihood. b_j, one per run, is eliminated by subtracting means.
+residuals is maximum likelihood. b_j, one per run, is eliminated by subtracting means. Correlated
+residuals count as N_eff samples (`coloured_noise`); intervals contain scatter of blocks and torque
+that no column has (`model_error`).
 """
 
 from collections.abc import Iterable, Iterator
@@ -55,7 +51,6 @@ RUNS = ("empty", "loaded")
 FEWEST_ROWS = 50
 """Samples of a run below which neither noise nor correlation can be estimated."""
 _BLOCK = 4096
-"""Rows that are computed at once."""
 MOST_ROWS = 6000
 """Rows of both runs above which the error of the model is estimated from as many."""
 _DIGITS = 1e-4
@@ -178,11 +173,6 @@ class GainProblem:
     def n_samples(self) -> int:
         """Number of samples of both runs."""
         return sum(map(len, self.runs))
-
-    @property
-    def n_blocks(self) -> int:
-        """Number of blocks that `blocks` yields."""
-        return sum(-(-len(run) // _BLOCK) for run in self.runs)
 
     def blocks(self) -> Iterator[Array]:
         """Rows [1 per run, X, y, τᵐ] of every channel, (n, N, p + 4), with τᵐ = g (X θ + y) + b."""
@@ -361,7 +351,8 @@ def identify_gains(
     problem = problem_of(empty, loaded, lib, payload, link, friction, preparation)
     solution = solve(reduced(problem.blocks()), problem.n_samples, len(RUNS))
     stretches = (_over_noise(problem, solution, block) for block in problem.blocks())
-    return _gains(problem, solution, coloured_noise_of_basis(stretches, problem.n_blocks))
+    blocks = sum(-(-len(run) // _BLOCK) for run in problem.runs)
+    return _gains(problem, solution, coloured_noise_of_basis(stretches, blocks))
 
 
 def _over_noise(problem: GainProblem, solution: GainSolution, block: Array) -> tuple[Array, Array]:
@@ -399,7 +390,6 @@ def _root(problem: GainProblem, solution: GainSolution, coloured: ColouredNoise)
 
 
 def _gains(problem: GainProblem, solution: GainSolution, coloured: ColouredNoise) -> Gains:
-    """Gains and bias with their standard deviations, status and notes."""
     n, names = len(solution.g), problem.channels
     root = _root(problem, solution, coloured)
     p = len(solution.theta)

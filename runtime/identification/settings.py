@@ -1,10 +1,7 @@
-"""Settings of an identification: choices from the log, method, prior, parts, and what is fitted.
+"""Settings of an identification, and what a caller sees of it while it runs.
 
-One frozen `Settings` is the keywords of `identify` and the options of the command. It serves a
-single log, several logs, a streamed log and a comparison of methods. Each of them refuses the
-fields that it cannot use.
-
-What a caller sees of an identification while it runs.
+One frozen `Settings` is the keywords of `identify` and the options of the command, for a single
+log, several logs, a streamed log and a comparison of methods; each refuses what it cannot use.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -197,10 +194,7 @@ def settings_from(settings: Settings | str | None, keywords: Mapping[str, Any]) 
 
 
 def bare_settings(settings: Settings | str | None, keywords: Mapping[str, Any]) -> Settings:
-    """Settings of a fit that chooses nothing from the log, to the training part alone.
-
-    A whole record of settings is taken as it is, but for what is chosen.
-    """
+    """Settings of a fit that chooses nothing; keywords alone fit the training part only."""
     if not isinstance(settings, Settings):
         keywords = {"refit": False, **keywords}
     chosen = settings_from(settings, keywords)

@@ -6,10 +6,9 @@ Torque sensors drift and cables move between logs, hence o_s. The torque of a kn
 subtracted from the measured one after the motion has passed the filter. Two logs are separated by a
 hole in time, so that no derivative or filter crosses it.
 
-Leave one out: the result of all other logs predicts the one that is left out. Repeatability: every
-log is also fitted alone, and the standard deviation of the base parameters over the logs is divided
-by the one that their covariances predict. A ratio above one means that the logs differ by more than
-noise.
+The result of all other logs predicts the one that is left out. Every log is also fitted alone: the
+standard deviation of the base parameters over the logs, divided by the one that their covariances
+predict, is above one where the logs differ by more than noise.
 """
 
 from collections.abc import Callable, Sequence
@@ -75,10 +74,7 @@ def agreement_of(
     fit: Callable[[Recording, bool], Identification],
     lib: Library,
 ) -> tuple[SessionsPart, tuple[str, ...]]:
-    """The comparison of logs, whose rows are all prepared, and notes on it.
-
-    fit: of joined rows, with or without certificates.
-    """
+    """Comparison of logs, whose rows are all prepared, by fits of joined rows; and notes on it."""
     names = tuple(log.name for log in logs)
     bare = [joined([log], [name], [name]) for log, name in zip(prepared, names, strict=True)]
     singles = [fit(each, True) for each in bare]
@@ -310,7 +306,6 @@ def _bare(log: NamedLog, lib: Library) -> tuple[Recording, Preparation]:
 def _prepared(
     bare: Recording, preparation: Preparation, *, log: NamedLog, lib: Library, terms: Friction
 ) -> Recording:
-    """Prepared rows without the torque of the known payload."""
     data = prepare(bare, preparation, terms, lib=lib)
     if log.carried is None:
         return data

@@ -1,15 +1,13 @@
 """Identification of a robot from a log in memory, a log in its file, or several logs.
 
-`identify_recording` prepares and splits the log, passes the `Problem` to the chosen method
-and compares the answer with the optimum of the convex problem. The document's method is Adam in λ
-(Sec. 4): its settings are the presets "simulation" (Table 5.1) and "real" (Table 5.8). "full" is
-the same descent on all samples at once, from compressed statistics; it costs less and stops closer
-to the optimum.
+The document's method is Adam in λ (Sec. 4), with the presets "simulation" (Table 5.1) and "real"
+(Table 5.8). "full" is the same descent on all samples at once, from compressed statistics; it costs
+less and stops closer to the optimum.
 
 The method, the friction model and the weights are chosen, and the errors computed, with the fit to
-the training part. What is chosen is then fitted to the rows of all parts (`_refitted`): the
-parameters of a robot come from all that was recorded. Its covariance is smaller by the number of
-rows, and what `predict` expects of a log is what `identify` reaches.
+the training part. What is chosen is then fitted to the rows of all parts (`_refitted`). Its
+covariance is smaller by the number of rows, and what `predict` expects of a log is what `identify`
+reaches.
 
 Columns that are the torque of the log itself are fitted by Gauss–Newton about the model.
 
@@ -56,7 +54,6 @@ from runtime.recording.settings import COLUMNS, has_memory
 from runtime.recording.streamed import StreamedRecording
 
 PASSES = 30
-"""Limit of the passes."""
 CLOSE = 1e-5
 """Change of g at which the passes end, far below what a log determines."""
 LEAST = 0.05
@@ -126,7 +123,6 @@ def _replaced(
 
 
 FittedSource = Recording | StreamedRecording | Sequence[NamedLog]
-"""A log in memory, a log in its file, or several logs."""
 
 
 @one_blas_thread
@@ -140,8 +136,7 @@ def identify_recording(
 ) -> Identification:
     """Identify π, and φ of stated friction columns, from any log; nothing else is chosen.
 
-    Friction columns are those of the settings, else of the recipe, else none. Keywords alone fit
-    the training part only (`refit` False), as a Monte Carlo study needs it.
+    Keywords alone fit the training part only (`refit` False), as a Monte Carlo study needs it.
     """
     chosen = settings_for(lib, bare_settings(settings, keywords))
     method = chosen_method(chosen.method, chosen.preset, chosen.prior)

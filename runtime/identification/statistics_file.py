@@ -1,12 +1,11 @@
-"""statistics.npz: the compressed training samples of one unit, all that `fleet` needs of its log.
+"""statistics.npz, the compressed training samples of one unit for `fleet`, and predictions.npz.
 
     ‖R [K π; φ] − r‖² / S    over base parameters K π and friction coefficients φ
 
 R and r are those of the result, S is the variance with which the noise enters the unknowns. The
 size does not depend on the length of the log (about 20 kB for seven joints), and no sample of the
-motion can be computed from it.
-
-predictions.npz: torques over the test part, marks of the rows that were fitted, and recipe.
+motion can be computed from it. predictions.npz holds torques over the test part, marks of the rows
+that were fitted, and the recipe.
 """
 
 import tomllib

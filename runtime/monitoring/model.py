@@ -66,11 +66,7 @@ class MonitoredModel:
         zeta: Array | None = None,
         signals: Signals = NO_SIGNALS,
     ) -> tuple[Array, Array]:
-        """Momentum p and force s of τ_m + τ_ext = dp/dt − s.
-
-        q (N, n) [rad, m], dq (N, n) [rad/s, m/s], zeta (N, n), signals that the columns need
-        → (N, n) [kg·m²/s, kg·m/s].
-        """
+        """Momentum p and force s of τ_m + τ_ext = dp/dt − s, (N, n); zeta: state of a memory."""
         momentum, force = np.empty_like(q), np.empty_like(q)
         for start in range(0, len(q), CHUNK):
             part = slice(start, start + CHUNK)
@@ -84,10 +80,7 @@ class MonitoredModel:
     def rows(
         self, lib: Library, q: Array, dq: Array, signals: Signals = NO_SIGNALS
     ) -> tuple[Array, Array]:
-        """Regressors of p and s over [β; φ]; friction with a memory counts as Coulomb friction.
-
-        q (N, n) [rad, m], dq (N, n) [rad/s, m/s] → (N, n, n_b + n k).
-        """
+        """Regressors of p and s over [β; φ]; friction with a memory counts as Coulomb friction."""
         over_p, over_s = lib.momentum_regressor(q, dq)
         sign = np.tanh(dq / self.terms.coulomb_speed)
         rotors, columns = self.columns(lib, q, dq, sign, signals)
@@ -106,10 +99,7 @@ class MonitoredModel:
         zeta: Array | None = None,
         signals: Signals = NO_SIGNALS,
     ) -> tuple[Array, Array]:
-        """Friction columns of p and of τ_f.
-
-        q (N, n) [rad, m], dq (N, n) [rad/s, m/s], zeta (N, n) → (N, n, k).
-        """
+        """Friction columns of p and of τ_f, (N, n, k)."""
         inertial = self.inertial
         still = np.zeros_like(dq)
         plain = friction_columns(JointMotion(dq, q, still, lib, zeta, signals), self.terms)
@@ -154,10 +144,7 @@ class MonitoredModel:
         return np.asarray(np.abs(self.phi[:, dry]).sum(axis=1))
 
     def is_slow(self, dq: Array) -> NDArray[np.bool_]:
-        """Joints so slow that the smooth sign of dq does not give the direction of friction.
-
-        dq (N, n) [rad/s, m/s] → (N, n).
-        """
+        """Joints so slow that the smooth sign of dq does not give the direction of friction."""
         slow = np.abs(dq) < SLOW * self.terms.coulomb_speed
         return np.asarray(slow & (self.dry_friction > 0))
 

@@ -8,29 +8,25 @@ z_j follows from the rate of false alarms. Without further logs w = 1 and z_j is
 sequence; `runtime.monitoring.calibration` takes both from free motion. dry_j is twice the dry
 friction of the joint at rest and for 0.1 s after a reversal, where it may act in either direction,
 else 0; of friction with a memory (dahl) it is F exp(−travel / z_c), because its first state is
-unknown. Δ |dτ_j/dt| covers torque and position that lie up to a sampling step Δ apart.
-
-rest_j is `REST` times the limit of the torque while a joint rests whose dry friction the model does
-not contain: there it may change the torque of the motor without a contact.
+unknown. Δ |dτ_j/dt| covers torque and position that lie up to a sampling step Δ apart. rest_j is
+`REST` times the limit of the torque while a joint rests whose dry friction the model lacks.
 
 A stiff arm that is stopped shows its contact in the torque of the motor first, while the rate of
 the momentum, by differences of a measured speed, has more noise than signal. In joints where it has
 the smaller threshold a calibrated observer takes that rate over `DIRECT_S` and the torque as it was
 measured, the direct torque, in place of r.
 
-What differs between days of the same healthy robot, learnt while the observer runs.
-
-Offsets of the sensors change from day to day, and friction with the warmth of the gears. Per joint
+Offsets of the sensors change from day to day, and friction with the warmth of the gears:
 
     r_k = f_kᵀ θ + e_k,   f = (1, viscous friction, dry friction) of the model,   e ~ N(0, σ²)
 
-with θ = (bias [N·m, N], relative changes of both) and k blocks of 0.1 s. A Kalman filter follows θ:
-the bias is unknown at first and forgotten in `BIAS_S`, the friction differs by `VISCOUS` and `DRY`
-and drifts as much in `WARMTH_S`. Its prediction is subtracted from r, and its variance fᵀ P f is
-added to that of r in the thresholds. A block far from the prediction may be a contact and is left
-out. What stays for `HOLD_BLOCKS`, or for as long as θ was followed before, is no contact but a
-bias, and θ starts again. It starts in `START_BLOCKS` blocks, of which the last one sets the bias:
-no contact is found in them.
+with θ = (bias [N·m, N], relative changes of both) per joint and k blocks of 0.1 s. A Kalman filter
+follows θ: the bias is unknown at first and forgotten in `BIAS_S`, the friction differs by `VISCOUS`
+and `DRY` and drifts as much in `WARMTH_S`. Its prediction is subtracted from r, and its variance
+fᵀ P f is added to that of r in the thresholds. A block far from the prediction may be a contact and
+is left out. What stays for `HOLD_BLOCKS`, or for as long as θ was followed before, is no contact
+but a bias, and θ starts again. It starts in `START_BLOCKS` blocks, of which the last one sets the
+bias: no contact is found in them.
 """
 
 from dataclasses import dataclass, replace
@@ -81,7 +77,6 @@ OUTLIER = 3.5
 HOLD_BLOCKS = 100
 """Largest number of blocks that are left out in a row: 10 s."""
 START_BLOCKS = 3
-"""Blocks at the start."""
 
 
 def first_covariance(sigma: Array) -> Array:
@@ -104,10 +99,7 @@ def block_steps(rate_hz: float) -> int:
 
 
 def usual_torque(r: Array, features: Array, sigma: Array, rate_hz: float) -> tuple[Array, Array]:
-    """Prediction of r from earlier blocks, and its variance.
-
-    r (N, n) with NaN where unknown [N·m, N], features (N, n, 3), sigma (n,) → (N, n), (N, n).
-    """
+    """Prediction of r (N, n), NaN where unknown, from earlier blocks, and its variance."""
     usual, variance = np.zeros_like(r), np.zeros_like(r)
     known = np.flatnonzero(np.isfinite(r).all(axis=1))
     size, n = block_steps(rate_hz), r.shape[1]
@@ -322,10 +314,7 @@ def unknown_dry_friction(lib: Library, model: MonitoredModel) -> Array:
 
 
 def slow_speeds(lib: Library, model: MonitoredModel) -> Array:
-    """Speeds below which dry friction may act in either direction, (n,) [rad/s, m/s].
-
-    Of joints whose dry friction is not known a slow motion is no rest.
-    """
+    """Speeds of unknown direction of dry friction, (n,); of rest where it is not known."""
     is_known = unknown_dry_friction(lib, model) == 0
     return np.where(is_known, SLOW * model.terms.coulomb_speed, SLOWEST * rest_speeds(lib))
 
@@ -354,10 +343,7 @@ def observation_of(lib: Library, detector: Detector, seen: Signals) -> Observati
 def prepared_for(
     recording: Recording, model: MonitoredModel, rate_hz: float | None = None
 ) -> Recording:
-    """The log on a uniform grid with dq, its torque without delay, unfiltered.
-
-    A log whose rate is not the stated one is interpolated to it.
-    """
+    """The log on a uniform grid, of a stated rate if any, unfiltered; τ without delay."""
     steps = recording.preparation
     if steps == Preparation():
         steps = model.preparation.at_rate(recording.rate_hz)

@@ -4,13 +4,12 @@
 
 One Hamiltonian Monte Carlo chain per draw, all chains at once, in coordinates z with
 π = π* + L z, where π* is the most probable model and L the root of Laplace's covariance: there the
-density is close to a standard normal one. Chains start from normal draws, so that they only have to
-correct what Laplace's approximation leaves; draws of different chains are independent. P0 is that
-of the URDF where the log favours it by `ODDS` to the one that identification uses, whose thin axes
-are raised, else the latter. What the
-result differs from data with hardly any prior (`estimate_error`), and nuisance torque, are added
-with normal factors, so that the draws spread as the intervals of the result do. Friction follows
-from π and from these factors by its conditional normal distribution. Source: Neal 2011, Sec. 5.
+density is close to a standard normal one. Chains start from normal draws and only correct what
+Laplace's approximation leaves; draws of different chains are independent. P0 is that of the URDF
+where the log favours it by `ODDS` to the one that identification uses, whose thin axes are raised,
+else the latter. The error of the estimate and nuisance torque are added with normal factors, so
+that the draws spread as the intervals of the result do. Friction follows from π and from these
+factors by its conditional normal distribution. Source: Neal 2011, Sec. 5.
 """
 
 from dataclasses import dataclass
@@ -19,7 +18,6 @@ import numpy as np
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.compiled import solve
 from runtime.estimators.convex.entropic_prior import (
     AS_STATED,
     Bodies,
@@ -28,7 +26,7 @@ from runtime.estimators.convex.entropic_prior import (
     prior_of,
     spread_of,
 )
-from runtime.estimators.convex.newton import convex_problem
+from runtime.estimators.convex.newton import convex_problem, solve
 from runtime.estimators.regression.factor import Reduced
 from runtime.identification.posterior_file import SavedPosterior
 from runtime.identification.saved_result import SavedResult

@@ -1,7 +1,7 @@
 """Scores of a log over all changes that are distinguished, and their covariance on a healthy robot.
 
 For log i with residual r_i over its noise and the slow parts H_i of the columns of all changes
-(`slow_rows`), Q_i orthonormal,
+(`coloured_noise`), Q_i orthonormal,
 
     z_i = Q_iᵀ r_i = Q_iᵀ [H_i (u + d_i) + X_i L ε + N_i s] + e_i
     u, d_i ~ N(0, T²),   ε ~ N(0, a²),   e_i ~ N(0, V_i)
@@ -24,7 +24,13 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 
-from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of_basis
+from runtime.estimators.regression.coloured_noise import (
+    ColouredNoise,
+    coloured_noise_of_basis,
+    slow_cosines,
+    slow_part,
+    tells,
+)
 from runtime.estimators.regression.model_error import (
     BLOCK_S,
     FEWEST,
@@ -34,7 +40,6 @@ from runtime.estimators.regression.model_error import (
 )
 from runtime.estimators.regression.posterior import APART, posterior_of
 from runtime.estimators.regression.samples import Samples
-from runtime.estimators.regression.slow_rows import slow_cosines, slow_part, tells
 from runtime.identification.identified import torque_of
 from runtime.library import Array, Library
 from runtime.library.manifest import torque_units

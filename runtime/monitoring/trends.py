@@ -23,7 +23,6 @@ from runtime.estimators.regression.samples import NORMAL_95
 from runtime.library import Array
 
 KEYS = ("checked", "model_hash", "log", "changed", "p_value")
-"""Keys that every line has."""
 ALPHA = 0.01
 """Probability that a history without a trend shows one."""
 MONTH = 365.25 / 12

@@ -14,10 +14,9 @@ import runtime
 from bench import numpy_identify
 from bench.front import BenchError
 from runtime.errors import RuntimeFault
-from runtime.estimators.convex.compiled import follow_compiled, solve
 from runtime.estimators.convex.entropic_prior import CAD, prior_of
 from runtime.estimators.convex.map_estimate import fit_map
-from runtime.estimators.convex.newton import convex_problem
+from runtime.estimators.convex.newton import convex_problem, follow_compiled, solve
 from runtime.estimators.descent.descent import least_squares
 from runtime.estimators.descent.fit import Preset, fit_adam, start_of
 from runtime.estimators.optimizers import AdamOptions, LevenbergOptions, StoppingRule
@@ -259,7 +258,7 @@ def most_probable(s: Setting) -> Callable[[], float]:
 
 
 def path(s: Setting) -> Callable[[], float]:
-    """`convex.compiled.follow_compiled`: PC-IDIM-OLS on compressed data."""
+    """`convex.newton.follow_compiled`: PC-IDIM-OLS on compressed data."""
     data, prior, _ = _convex(s)
     return repeated(lambda: follow_compiled(s.lib, data, prior))
 

@@ -79,4 +79,3 @@ DRIVERS = Registry(
         "ur": "runtime.campaign.drivers.ur:UR",
     },
 )
-"""Drivers by name."""

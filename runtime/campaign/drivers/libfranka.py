@@ -20,15 +20,7 @@ _CLEARED = "find the cause of this stop and clear it in Desk before you repeat t
 
 
 class FrankaDriver(Driver):
-    """A Franka arm.
-
-    Args:
-        lib: library of the robot.
-        settings: with the IP address or name of its control unit.
-
-    Raises:
-        SimulationError: pylibfranka is not installed, or the robot does not answer.
-    """
+    """A Franka arm; the address is that of its control unit."""
 
     def __init__(self, lib: Library, settings: DriverSettings) -> None:
         super().__init__(lib, RATE_HZ)

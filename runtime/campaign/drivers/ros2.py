@@ -20,7 +20,6 @@ from runtime.library import Library
 
 NAME = "ros2"
 CONTROLLER = "/joint_trajectory_controller"
-"""Default controller."""
 STATES = "/joint_states"
 """Topic of the states."""
 WAIT_S = 5.0
@@ -33,15 +32,7 @@ _SOURCE = "source the setup file of a ROS 2 installation"
 
 
 class RosDriver(Driver):
-    """An arm behind a joint trajectory controller.
-
-    Args:
-        lib: library of the robot, whose joints have the names of the messages.
-        settings: the address is the name of the controller.
-
-    Raises:
-        SimulationError: ROS 2 is not installed, or the controller or its states are missing.
-    """
+    """An arm behind a joint trajectory controller, whose name is the address."""
 
     def __init__(self, lib: Library, settings: DriverSettings) -> None:
         self._ros = imported("rclpy", NAME, _SOURCE)

@@ -26,15 +26,7 @@ _INSTALL = "install it with: pip install ur_rtde"
 
 
 class UrDriver(Driver):
-    """An arm of Universal Robots in remote control.
-
-    Args:
-        lib: library of the robot.
-        settings: with the IP address or name, and the gains of the drives.
-
-    Raises:
-        SimulationError: ur_rtde is not installed, or the robot does not answer.
-    """
+    """An arm of Universal Robots in remote control, with the gains of its drives."""
 
     def __init__(self, lib: Library, settings: DriverSettings) -> None:
         address = require_address(settings, NAME, "192.168.0.2")

@@ -53,15 +53,9 @@ class PlantedFault:
 
 
 class VirtualDriver(Driver):
-    """A simulated robot, as a driver.
+    """A simulated robot, with seeds of its noise and of itself as in `runtime.simulation.record`.
 
-    Args:
-        lib: the robot.
-        settings: by default `settings_of(lib)`.
-        seed: of the noise.
-        truth_seed: of the robot, as in `runtime.simulation.record`.
-        fault: None for a sound robot.
-        held: parameters added to those of the links, such as a payload's, (10 n,); None for none.
+    `held` are parameters added to those of the links, such as a payload's, (10 n,).
     """
 
     def __init__(
@@ -118,10 +112,7 @@ class VirtualDriver(Driver):
         return self._sample(*self._now)
 
     def begin(self, motion: DriverMotion) -> None:
-        """Start a motion at rest, with noise of its own: its log does not depend on earlier ones.
-
-        A campaign that was interrupted so records what an undisturbed one records.
-        """
+        """Start a motion at rest, with noise of its own: a log does not depend on earlier ones."""
         shown = motion.at(self.lib, np.linspace(0.0, motion.duration, _SHOWN))[0]
         digest = crc32(np.ascontiguousarray(shown).tobytes(), round(1e6 * motion.duration))
         self._rng = np.random.default_rng(np.random.SeedSequence([self._seed, 2, digest]))
@@ -167,7 +158,6 @@ class VirtualDriver(Driver):
         return SimulatedFriction(settings.friction, settings.step_s, self._plant.places)
 
     def _read(self) -> tuple[Array, Array]:
-        """Measured q̂ and dq̂ in the order of the library."""
         plant = self._plant
         # The rows of noise are used again after four seconds; they are far from correlated.
         seen = self._encoders.read(self._ticks % _NOISE_ROWS, np.array(plant.q), plant.dq)

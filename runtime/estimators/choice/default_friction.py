@@ -4,13 +4,9 @@
     dahl in place of coulomb, each without and with rotor                 (where it pays)
     load beside coulomb or dahl                                           (where it pays)
 
-All columns are prepared together, with Coulomb columns of some widths ε, and compressed to one
-triangular factor per block. A candidate is a choice of columns of these factors, so that its
-cross-validation costs some small least squares.
-A Dahl column depends on the path, so that no torque of a single instant follows from it. It
-replaces the Coulomb column only where it reduces the mean square error by `LEAST_GAIN_OF_MORE`; so
-is friction that grows with the load of the gear added.
-`friction_choice` tries more models and searches their widths. The estimate of a candidate is
+All columns are prepared together and compressed to one triangular factor per block; a candidate is
+a choice of its columns. `friction_choice` tries more models and searches their widths. The estimate
+of a candidate is
 
     x_b = argmin ‖R x − r‖² + (N/N_eff) ‖L⁻¹ (β − β₀)‖²,   L Lᵀ = K Σ_π Kᵀ,  x = [β; φ]
 
@@ -20,9 +16,9 @@ model. It is solved with the columns S of the candidate alone,
 
     G_S x_S = R_Sᵀ r,   G = D RᵀR D,   x_S ← x_S + G_S⁻¹ R_Sᵀ (r − R_S x_S)
 
-G is computed once with columns of length one (D); a choice S takes its rows and columns. The second
-step removes the error of the normal equations (corrected semi-normal equations, Björck, Numerical
-Methods for Least Squares Problems, Sec. 2.9.4 of the first edition).
+with one G of columns of length one (D). The second step removes the error of the normal equations
+(corrected semi-normal equations, Björck, Numerical Methods for Least Squares Problems, Sec. 2.9.4
+of the first edition).
 """
 
 from collections.abc import Callable, Sequence
@@ -34,7 +30,14 @@ from scipy.linalg import lapack
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
-from runtime.estimators.choice.friction_choice import BLOCKS, LEAST_GAIN, misfit, predicted, solved
+from runtime.estimators.choice.friction_choice import (
+    BLOCKS,
+    LEAST_GAIN,
+    excess_of,
+    misfit,
+    predicted,
+    solved,
+)
 from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
 from runtime.estimators.regression.factor import Statistics, compress
 from runtime.estimators.regression.recorded_delay import minimum_on_grid
@@ -216,10 +219,8 @@ def _with_memory(
         place = len(shared) + int(np.argmin(np.abs(np.log(strokes / best))))
         scores = [trial.scores((*each, place)) for each in (plain, geared)]
         columns = (plain, geared)[_simplest(scores)]
-        saved = without - trial.scores((*columns, place))
-        error = float(saved.std(ddof=1) / np.sqrt(len(saved)))
-        ratio = float(saved.mean() / without.mean())
-        if ratio < LEAST_GAIN_OF_MORE or float(saved.mean()) < error:
+        ratio = _saved_share(without, trial.scores((*columns, place)))
+        if not ratio:
             return None, 0.0
         share, strokes = 1.0 - np.sqrt(1.0 - ratio), best * factors
     names = tuple(shared[k] for k in columns)
@@ -237,14 +238,19 @@ def _with_load(
     trial = trial_of(replace(usual, columns=(dry,)), replace(usual, columns=(LOADED,)))
     without = trial.scores((*kept, len(shared)))
     scores = trial.scores((*kept, len(shared), len(shared) + 1))
-    saved = without - scores
-    error = float(saved.std(ddof=1) / np.sqrt(len(saved)))
-    ratio = float(saved.mean() / without.mean())
-    if ratio < LEAST_GAIN_OF_MORE or float(saved.mean()) < error:
+    ratio = _saved_share(without, scores)
+    if not ratio:
         return usual, 0.0, without
     place = usual.columns.index(dry) + 1
     columns = (*usual.columns[:place], LOADED, *usual.columns[place:])
     return replace(usual, columns=columns), 1.0 - np.sqrt(1.0 - ratio), scores
+
+
+def _saved_share(without: Array, scores: Array) -> float:
+    """Share of the mean square error that further columns save; 0 where that is too little."""
+    saved, error = excess_of(without, scores)
+    share = saved / float(without.mean())
+    return 0.0 if share < LEAST_GAIN_OF_MORE or saved < error else share
 
 
 def _best_width(trial: "FrictionTrial", shared: int, speeds: Array) -> float:
@@ -259,9 +265,8 @@ def _simplest(scores: Sequence[Array]) -> int:
     least = float(best.mean())
 
     def is_near(score: Array) -> bool:
-        gap = score - best
-        error = float(gap.std(ddof=1) / np.sqrt(len(gap)))
-        return float(gap.mean()) <= max(min(error, MOST_LOSS * least), LEAST_GAIN * least)
+        gap, error = excess_of(score, best)
+        return gap <= max(min(error, MOST_LOSS * least), LEAST_GAIN * least)
 
     return next(k for k, score in enumerate(scores) if is_near(score))
 

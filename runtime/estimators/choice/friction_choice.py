@@ -2,20 +2,15 @@
 
     offset → viscous → coulomb → asymmetric → stribeck → dahl → load       (`friction`)
 
-The training part is cut into contiguous blocks. Each candidate is fitted, with the base parameters,
-to all blocks but one and predicts the one that is left out, in units of the noise of each joint:
+The training part is cut into contiguous blocks, which keep the correlation of neighbouring rows,
+each compressed to a triangular factor. A candidate is fitted, with the base parameters, to all
+blocks but one and predicts the one that is left out, in units of the noise of each joint:
 
     score = mean over blocks of ‖R_b x_b − r_b‖² + ρ_b over N_b n,  x_b from the other blocks
 
-All fits use triangular factors, one per block. A candidate with a width (ε,
-v_s or z_c) takes the best of a geometric grid, the only nonlinear part. The chosen candidate is the
-simplest whose score is within one standard error of the best (Breiman et al. 1984, Sec. 3.4.3) or
-within `LEAST_GAIN`. AIC = N_eff ln(χ²/N) + 2 p is reported beside it.
-
-Cross-validation on contiguous blocks, shared by the choices of cut-off and friction model.
-
-Each block b is compressed to a triangular factor. An estimate x_b from the factors of all other
-blocks predicts block b. Contiguous blocks keep the correlation of neighbouring rows within a block.
+A width (ε, v_s or z_c) takes the best of a geometric grid, the only nonlinear part. The chosen
+candidate is the simplest whose score is within one standard error of the best (Breiman et al. 1984,
+Sec. 3.4.3) or within `LEAST_GAIN`. AIC = N_eff ln(χ²/N) + 2 p is reported beside it.
 """
 
 from collections.abc import Callable, Sequence
@@ -65,6 +60,12 @@ def misfit(block: Statistics, x: Array) -> float:
     """Weighted sum of squared residuals of x on one block."""
     rest = block.factor @ x - block.target
     return float(rest @ rest + block.rest)
+
+
+def excess_of(scores: Array, best: Array) -> tuple[float, float]:
+    """Mean difference of scores per block from the best ones, and its standard error."""
+    gap = scores - best
+    return float(gap.mean()), float(gap.std(ddof=1) / np.sqrt(len(gap)))
 
 
 _BASE = ("offset", "viscous", "coulomb")
@@ -191,12 +192,8 @@ def _chosen(trials: list[tuple[str, Friction, Array, float, int]]) -> FrictionCh
     best = min(trials, key=lambda item: float(item[2].mean()))[2]
     candidates = []
     for name, terms, scores, aic, parameters in trials:
-        gap = scores - best
-        error = float(gap.std(ddof=1) / np.sqrt(len(gap)))
-        score = float(scores.mean())
-        candidates.append(
-            FrictionCandidate(name, terms, score, float(gap.mean()), error, aic, parameters)
-        )
+        numbers = float(scores.mean()), *excess_of(scores, best), aic, parameters
+        candidates.append(FrictionCandidate(name, terms, *numbers))
     least = float(best.mean())
     chosen = next(r for r in candidates if r.excess <= max(r.excess_error, LEAST_GAIN * least))
     top = min(candidates, key=lambda r: r.score)
@@ -213,8 +210,6 @@ def _chosen(trials: list[tuple[str, Friction, Array, float, int]]) -> FrictionCh
 
 
 class _Trial:
-    """Cross-validation of friction terms on the blocks of one recording."""
-
     def __init__(self, lib: Library, blocks: Callable[..., list[Samples]]) -> None:
         self._lib, self._blocks = lib, blocks
         plain = blocks(Friction(_BASE))

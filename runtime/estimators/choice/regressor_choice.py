@@ -6,28 +6,22 @@
 σ_j² is the white part of q (k = 2) or of dq (k = 1), from its eighth differences; H the low-pass, D
 the central difference. Noise in a regressor's column shrinks its coefficient by the factor 1 − ν
 (Fuller 1987, Sec. 1.1), here the inertias of joint j. F τ0 is the low-passed torque of the URDF's
-momentum, which needs no accelerations. δ is therefore the effect of a cut-off inside the motion's
-band, or of too low a rate, on the rows alone; the noise of q and dq is in both.
+momentum, which needs no accelerations: δ is the effect of a cut-off inside the motion's band, or of
+too low a rate, on the rows alone.
 
-Choice of the cut-off by cross-validation: candidates predict the unfiltered torque.
-
-Each candidate f_c is fitted (base parameters and friction) to the filtered rows of all blocks but
-one. The estimate predicts the logged torque of the block that is left out:
+Choice of the cut-off by cross-validation: each candidate f_c is fitted to the filtered rows of all
+blocks but one and predicts the logged, unfiltered torque of the block that is left out:
 
     score_b = mean over rows and joints of w_j (τ_j − [Y(q_p, dq_p, ddq_p) β(f_c) + F_p φ(f_c)]_j)²
 
-The motion p of the prediction is the same for all candidates: that of the candidate which predicts
-best with its motion. A motion of wider band reproduces more of an unfiltered torque with the same
-parameters. With a motion per candidate the widest band would win wherever positions are precise,
-but the aim is the best β. This score rejects too low a cut-off, whose rows lack part of the torque,
-and too high a one, whose noise in Y biases β. The blocks are the same for all candidates, so that
-the noise of τ cancels in differences.
+The motion p is the same for all candidates, that of the one which predicts best with its own: with
+a motion per candidate the widest band would win wherever positions are precise, but the aim is the
+best β. Rows of too low a cut-off lack part of the torque, the noise in Y of too high a one biases
+β, and the noise of τ cancels in differences, since the blocks are the same.
 
 Candidates within `LEAST_GAIN` of the best score count as equal. Of these the one with the largest
 N_eff / N at `ROWS_PER_CUTOFF` f_c is chosen (N_eff by `coloured_noise`): the covariances of its fit
 are the least optimistic.
-
-This module and `friction_choice` are all of `--cutoff auto`.
 """
 
 from dataclasses import dataclass, replace
@@ -38,7 +32,13 @@ import numpy as np
 from runtime.common.tables import significant
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError, RuntimeFault
-from runtime.estimators.choice.friction_choice import BLOCKS, LEAST_GAIN, predicted, solved
+from runtime.estimators.choice.friction_choice import (
+    BLOCKS,
+    LEAST_GAIN,
+    excess_of,
+    predicted,
+    solved,
+)
 from runtime.estimators.regression.coloured_noise import coloured_noise_of
 from runtime.estimators.regression.factor import Statistics, compress
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
@@ -97,8 +97,6 @@ def choose_cutoff(
 ) -> CutoffChoice:
     """Choose a cut-off on the training and validation parts of a recording.
 
-    The test part is cut off before any filter, so that no sample of it has an effect.
-
     Measured velocities are kept unless velocities from q predict clearly better. Where the
     preparation trims no edges, 1 / f_c is trimmed from both.
     """
@@ -117,7 +115,6 @@ def choose_cutoff(
 
 
 _Key = tuple[float, str]
-"""Cut-off and derivative."""
 
 
 def _chosen(errors: dict[_Key, Array], white: dict[_Key, float], base: Preparation) -> CutoffChoice:
@@ -126,11 +123,8 @@ def _chosen(errors: dict[_Key, Array], white: dict[_Key, float], base: Preparati
     best = _best(errors)
     candidates = []
     for key, blocks in scores.items():
-        gap = blocks - scores[best]
-        error = float(gap.std(ddof=1) / np.sqrt(len(gap)))
-        candidates.append(
-            CutoffCandidate(*key, float(blocks.mean()), float(gap.mean()), error, white[key])
-        )
+        excess = excess_of(blocks, scores[best])
+        candidates.append(CutoffCandidate(*key, float(blocks.mean()), *excess, white[key]))
     alike = [c for c in candidates if c.excess <= LEAST_GAIN * scores[best].mean()]
     measured = [c for c in alike if c.derivative == base.derivative]
     chosen = max(measured or alike, key=lambda c: c.white)
@@ -152,7 +146,6 @@ def _chosen(errors: dict[_Key, Array], white: dict[_Key, float], base: Preparati
 
 
 def _best(errors: dict[_Key, Array]) -> _Key:
-    """The candidate with the smallest mean score."""
     scores = _scored(errors)
     return min(scores, key=lambda key: float(scores[key].mean()))
 
@@ -166,8 +159,6 @@ def _scored(errors: dict[_Key, Array]) -> dict[_Key, Array]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
-    """A fitted candidate."""
-
     left_out: tuple[Array, ...]  # per block, the estimate from all other blocks
     errors: Array  # mean square error per block and joint, with the motion of this candidate
     white: float  # N_eff / N
@@ -231,9 +222,7 @@ class _Trials:
     def errors(
         self, cutoff_hz: float, derivative: str, estimates: dict[_Key, tuple[Array, ...]]
     ) -> dict[_Key, Array]:
-        """Mean square errors of all estimates per block and joint, with the motion of one
-        candidate.
-        """
+        """Mean square errors of all estimates per block and joint, by one candidate's motion."""
         blocks = self._cut(cutoff_hz, derivative)
         return {key: self._errors_of(blocks, each) for key, each in estimates.items()}
 
@@ -368,10 +357,7 @@ def choose_regressor(
     replaces: bool = False,
     quality: Differentiation | None = None,
 ) -> tuple[Preparation | None, tuple[str, ...]]:
-    """Choose between the regressors of accelerations and of momentum.
-
-    quality: that of the preparation, where it is known.
-    """
+    """Choose between the regressors of accelerations and of momentum; `quality` if it is known."""
     usual = preparation or recording.preparation
     quality = quality or differentiation_of(recording, lib, usual)
     if quality is None or not quality.fails:

@@ -69,10 +69,7 @@ def bounded(problem: Problem, statistics: Statistics) -> tuple[Solution, tuple[s
 
 
 def _zero_columns(problem: Problem, is_column: NDArray[np.bool_]) -> tuple[str, ...]:
-    """Sentence on friction columns without an effect, as the load of a joint that carries none.
-
-    Those of rotors, motors and springs are zero by design at some joints.
-    """
+    """Sentence on columns without an effect; those of rotors, motors and springs may be zero."""
     names = problem.friction_names
     zero = ~is_column if problem.left_out is None else ~is_column & ~problem.left_out
     listed = [
@@ -123,8 +120,8 @@ def counted_in_links(
 ) -> NDArray[np.bool_]:
     """Columns of rotors, coupled motors and springs that base parameters explain as well.
 
-    On the first joint of an arm above all, the inertia of a link has the effect of the rotor; a
-    method without a prior cannot separate them. Source: Gautier's regrouping.
+    On the first joint of an arm above all, a link acts as the rotor does, and a method without a
+    prior cannot separate them. Source: Gautier's regrouping.
     """
     optional = [name in COLUMNS and _is_optional(COLUMNS[name]) for name in terms]
     if not any(optional):

@@ -17,8 +17,8 @@ from scipy.sparse import csc_matrix
 
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.least_squares import counted_in_links
-from runtime.estimators.convex.compiled import PATIENCE, SHRINK, Path, follow_compiled
 from runtime.estimators.convex.entropic_prior import prior_of
+from runtime.estimators.convex.newton import PATIENCE, SHRINK, Path, follow_compiled
 from runtime.estimators.friction_bounds import Bounds, bounds_of, notes_of, within_bounds
 from runtime.estimators.methods import Method
 from runtime.estimators.problem import Fit, Problem
@@ -61,10 +61,7 @@ def convex_optimum(
 ) -> ConvexOptimum:
     """Smallest loss of any physically consistent model, by the path from a first guess.
 
-    Where the path drifts to implausible bodies its certificate is weak, and Clarabel solves the
-    problem instead.
-
-    first_guess (10 n,) [kg, kg·m, kg·m²].
+    Where the path drifts to implausible bodies its certificate is weak, and Clarabel solves it.
     """
 
     def solved(part: Statistics) -> tuple[Array, Array, ConvexOptimum]:

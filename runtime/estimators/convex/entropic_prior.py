@@ -2,17 +2,14 @@
 
 Up to a constant D is the relative entropy between the mass distributions that P and P0 stand for
 (Gaussians of mass m, mean m·c and second moment Σ). To second order it is ½ ‖P0^-½ ΔP P0^-½‖², so
-a weight of κ trusts every direction of P0 to a relative standard deviation of 1/√κ.
-Source: Lee, Wensing & Park 2019 for the divergence; the floor is this project's.
-
-−log det P of every link has its gradient and Hessian in π from the library's own P(π).
-P is linear in π (Eqs. 3.9, 3.10), so its ten basis matrices B_i = P(e_i) determine it:
+a weight of κ trusts every direction of P0 to a relative standard deviation of 1/√κ. P is linear in
+π (Eqs. 3.9, 3.10), so its ten basis matrices B_i = P(e_i) determine it:
 
     ∂(−log det P)/∂π_i = −tr(P⁻¹ B_i),   ∂²/∂π_i∂π_j = tr(P⁻¹ B_i P⁻¹ B_j).
 
 The posterior covariance of π is C = (ÃᵀÃ + κ B)⁻¹, Ã the data's rows over their noise, B the
-curvature of Σ_k [tr(P0_k⁻¹ P_k) − log det P_k]. Source: Bayes' rule by
-Laplace's approximation (MacKay 2003, Ch. 27).
+curvature of D. Source: Lee, Wensing & Park 2019 for the divergence; Laplace's approximation
+(MacKay 2003, Ch. 27); the floor is this project's.
 """
 
 from dataclasses import dataclass
@@ -178,10 +175,7 @@ def spread_of(
 
 
 def com_sigma(root: Array, pi: Array) -> list[Array | None]:
-    """σ of the centre of mass c of every link, (3,) [m], by a root (10 n, k); None without m.
-
-    δc = (δ(m c) − c δm) / m
-    """
+    """σ of the centre of mass c of every link [m], δc = (δ(m c) − c δm)/m; None without m."""
     sigmas: list[Array | None] = []
     for body, rows in zip(links(pi), root.reshape(-1, N_PARAMETERS, root.shape[1]), strict=True):
         slope = rows[FIRST_MOMENT] - np.outer(centre_of_mass(body), rows[MASS])

@@ -12,10 +12,9 @@ import numpy as np
 
 from runtime.common.tables import significant
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.compiled import solve
 from runtime.estimators.convex.constraints import Constraints, constrained
 from runtime.estimators.convex.entropic_prior import CAD
-from runtime.estimators.convex.newton import Minimum, convex_problem
+from runtime.estimators.convex.newton import Minimum, convex_problem, solve
 from runtime.estimators.friction_bounds import Held, bounds_of, notes_of, within_bounds
 from runtime.estimators.methods import Method
 from runtime.estimators.prior_file import PriorFile, prior_about
@@ -26,7 +25,6 @@ from runtime.estimators.regression.samples import inflation, noise, residuals, w
 from runtime.library import Array
 
 PASSES = 3
-"""Re-estimations of the weights."""
 ENOUGH = 2000
 """Samples that determine a weight to 2 %; the passes before the last take no more."""
 LEAST_VARIANCE = 1e-4
@@ -40,10 +38,7 @@ def fit_map(
     constraints: Constraints | None = None,
     centre: Array | None = None,
 ) -> Fit:
-    """Maximum a posteriori of π, strictly consistent, with the best friction coefficients.
-
-    kappa is the trust κ in the prior, centre its π0, (10 n,), by default the first guess.
-    """
+    """Maximum a posteriori of π with trust κ in the prior about a centre, and the best friction."""
     if not (np.isfinite(kappa) and kappa > 0):
         raise IdentificationError(
             f"expected a trust κ above 0, got {kappa:g}; use 16 for a URDF from CAD, 1 for none"

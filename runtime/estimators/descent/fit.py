@@ -1,10 +1,7 @@
 """Methods that descend in λ: from a `Problem` to a `Fit`, one at a time or many at once.
 
-Adam descents in λ: the compiled loop, or NumPy steps as its reference.
-
-Both minimise L(x), x = [λ, ψ], over mini-batches or compressed statistics, validate on validation
-samples and keep the best point. The compiled loop is the default where the library has one. Many
-problems are one call.
+They minimise L(x), x = [λ, ψ], over mini-batches or compressed statistics, and keep the best point
+of the validation samples. Adam is a compiled loop; NumPy steps are its reference.
 """
 
 from collections.abc import Callable, Sequence
@@ -215,8 +212,7 @@ def fit_adam(problem: Problem, preset: str | Preset | None = None) -> Fit:
 def fit_levenberg(problem: Problem, cholesky: bool = False) -> Fit:
     """Descend by Levenberg–Marquardt, in λ or in log-Cholesky coordinates of the bodies.
 
-    Where it stops short of an optimum on the boundary of consistency, and where the library has no
-    compiled loop, Newton's method goes on.
+    Where it stops short of an optimum on the boundary of consistency Newton's method goes on.
     """
     descent = start_of(problem, cholesky)
     outcome = levenberg_descend(descent, LevenbergOptions())

@@ -5,7 +5,7 @@ b = (Zᵀ W X)⁻¹ Zᵀ W T; DIDIM takes it instead of the measured one, b = (Z
 the measured torque only. Both start at the first guess without friction. Source: Janot, Vandanjon
 & Gautier 2014; Gautier, Janot & Vandanjon 2013.
 
-The controller file describes the closed loop of a log: controller, rotors and reference, as TOML.
+The file of the controller, computed torque with the URDF's model, is TOML as `simulate` writes it:
 
     [controller]
     stiffness = 225.0          # K_p, 1/s²: one number, or one per joint
@@ -16,8 +16,6 @@ The controller file describes the closed loop of a log: controller, rotors and r
     [reference]
     trajectory = "motion.json" # of `excite`, relative to this file
     start = 0.0                # when it began, s of the log's clock
-
-The controller is computed torque with the URDF's model. `simulate` writes such a file.
 """
 
 from dataclasses import dataclass, field
@@ -93,8 +91,6 @@ class _Reference(Record, frozen=True):
 
 
 class _ControllerFile(Record, frozen=True, kw_only=True):
-    """The file."""
-
     controller: _Gains = _Gains()
     reference: _Reference
 
@@ -235,7 +231,6 @@ def fit_didim(problem: Problem, log: Origin | None = None) -> Fit:
 
 
 def _first(problem: Problem) -> Solution:
-    """First guess without friction."""
     lib = problem.lib
     beta = lib.base_matrix @ lib.pi_from_lam(problem.start)
     return Solution(beta, np.zeros(problem.train.columns.shape[1:]), np.nan)

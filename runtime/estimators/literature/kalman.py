@@ -50,7 +50,6 @@ from runtime.recording.recording import complete_arrays
 from runtime.recording.settings import COLUMNS, names_where
 
 STATE_COLUMNS = names_where(lambda column: column.secant is not None)
-"""Friction columns that the state of a filter can hold."""
 SLOWEST = 200.0
 """Rate, Hz, below which a step of a filter is too long for the friction of a wrist."""
 LEAST_NOISE = (1e-6, 1e-3)
@@ -105,28 +104,10 @@ class FilterInput:
         start = [FIRST_FRICTION if COLUMNS[name].is_passive else 0.0 for name in self.names]
         return np.concatenate([np.tile(start, n), np.zeros(n)])
 
-    @property
-    def extra_variance(self) -> Array:
-        """Variance of φ and δ before the first sample, (n k + n,)."""
-        n = self.q.shape[1]
-        friction = np.full(n * len(self.names), FIRST_FRICTION**2)
-        return np.concatenate([friction, np.full(n, (DELAY * self.dt) ** 2)])
-
     def passive(self, phi: Array) -> Array:
         """φ (…, n, k) with negative dissipation set to 0, which would drive the joints."""
         least = [0.0 if COLUMNS[name].is_passive else -np.inf for name in self.names]
         return np.maximum(phi, least)
-
-    @property
-    def wander(self) -> float:
-        """Process noise of δ per step, s²."""
-        return (WANDER * self.dt) ** 2 * self.dt
-
-    @property
-    def first_speed(self) -> Array:
-        """dq at the beginning, from a line through the first 20 samples, (n,)."""
-        count = min(20, len(self.q))
-        return np.asarray(np.polyfit(np.arange(count) * self.dt, self.q[:count], 1)[0])
 
 
 def filter_input_of(log: Origin | None, method: str) -> FilterInput:
@@ -249,11 +230,14 @@ def _filtered(
     predict: Callable[[int, Array, Array], tuple[Array, Array]],
 ) -> tuple[Array, Array]:
     """State and covariance after the last sample, from first parameters and their covariance."""
-    n = data.q.shape[1]
-    # First state and covariance: measured position, speed of a line, first guess, friction.
-    x = np.concatenate([data.q[0], data.first_speed, guess, data.first_extra])
+    n, dt, count = data.q.shape[1], data.dt, min(20, len(data.q))
+    # First state: measured position, speed of a line, first guess, friction and delay.
+    speed = np.polyfit(np.arange(count) * dt, data.q[:count], 1)[0]
+    x = np.concatenate([data.q[0], speed, guess, data.first_extra])
     noise, late = np.diag(data.sigma_q**2), np.arange(x.size - n, x.size)
-    p = block_diag(noise, SPEED_VARIANCE * np.eye(n), spread, np.diag(data.extra_variance))
+    friction = np.full(n * len(data.names), FIRST_FRICTION**2)
+    extra = np.concatenate([friction, np.full(n, (DELAY * dt) ** 2)])
+    p = block_diag(noise, SPEED_VARIANCE * np.eye(n), spread, np.diag(extra))
     for step, q in enumerate(data.q):
         # Update: gain K = P Hᵀ (H P Hᵀ + R)⁻¹ with H = [1 0 …], the measured position.
         gain = np.linalg.solve(p[:n, :n] + noise, p[:n])
@@ -262,7 +246,7 @@ def _filtered(
         if step == len(data.q) - 1 or not (np.isfinite(x).all() and np.isfinite(p).all()):
             break
         x, p = predict(step, x, p)
-        p[late, late] += data.wander
+        p[late, late] += (WANDER * dt) ** 2 * dt
     if not (np.isfinite(x).all() and np.isfinite(p).all()):
         raise IdentificationError(
             f"the filter diverged after {step * data.dt:.2f} s; give a better first guess, or "

@@ -1,16 +1,12 @@
 """Friction by linear columns and a small net of them, in turn with the rigid body.
 
-Twice: the net is trained on τ − Y π − F φ; then π and φ are estimated from τ − net, physically
-consistent each time.
-Source: the idea of Hu, Xiong et al.; inputs dq, tanh(dq/ε) and the Dahl state.
-
-The net of a joint, trained in NumPy, is
+The net of a joint, trained in NumPy on τ − Y π − F φ, is
 
     y_j(x) = b + Σ_h v_h tanh(W_h x + c_h),   4 units, x the friction columns of the joint, scaled
 
 min Σ (y − target)²/s² + α N ‖θ‖² by Levenberg–Marquardt; α is chosen on validation samples, and no
 net at all is one of the choices. Inputs are the joint's own motion only: torque or position as
-input would learn one run by heart.
+input would learn one run by heart. Source: the idea of Hu, Xiong et al.
 """
 
 from dataclasses import dataclass, replace
@@ -27,7 +23,6 @@ from runtime.estimators.regression.samples import Samples
 from runtime.library import Array
 
 UNITS = 4
-"""Hidden units per joint."""
 DECAYS = (1e-4, 1e-3, 1e-2)
 """Candidates of α; validation chooses among them."""
 STEPS = 60
@@ -37,7 +32,6 @@ _FLAT = 1e-6
 _FIRST_DAMPING, _LARGEST_DAMPING = 1e-2, 1e10
 """Damping at the start and the one beyond which no step is tried, relative to diag(JᵀJ)."""
 ROUNDS = 2
-"""Rounds of training the nets and estimating π and φ."""
 INPUTS = ("viscous", "coulomb", "dahl")
 """Friction columns that are the inputs of the nets by default."""
 
@@ -78,11 +72,7 @@ def train(
     validation_target: Array,
     rng: np.random.Generator,
 ) -> FrictionNet:
-    """Train a net per joint and decay, and keep the one with the least validation error.
-
-    columns (N, n, k), target (N, n) [N·m], validation_columns (M, n, k), validation_target (M, n)
-    [N·m].
-    """
+    """Train a net per joint and decay, and keep the one with the least validation error."""
     n, k = columns.shape[1:]
     scale = np.sqrt(np.mean(columns**2, axis=0))
     scale = np.where(scale > 0, scale, 1.0)
@@ -121,10 +111,7 @@ def _slopes(theta: Array, x: Array, hidden: Array) -> Array:
 
 
 def _trained(theta: Array, x: Array, target: Array, decay: float) -> Array:
-    """θ after the descent with Marquardt's scaling, (G + μ diag G) δ = −g; zero for a zero target.
-
-    x (N, k) are scaled friction columns, target (N,) is torque.
-    """
+    """θ after the descent with Marquardt's scaling, (G + μ diag G) δ = −g; 0 for target 0."""
     size = float(np.mean(target**2))
     if size == 0:
         return np.zeros_like(theta)
@@ -188,7 +175,6 @@ def fit_neural(problem: Problem) -> Fit:
 
 
 def _rest(problem: Problem, samples: Samples, fit: Fit) -> Array:
-    """Residual τ − Y π − F φ, (N, n)."""
     rigid = samples.rigid(problem.lib, fit.pi)
     return samples.tau - rigid - samples.friction(fit.phi)
 

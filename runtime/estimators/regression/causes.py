@@ -16,7 +16,7 @@ gains. The columns of the causes, each relative to what the fit or the model π 
 The common factor of all gains is not identifiable and drops out. Rows of momenta or power have no
 columns of poses.
 
-All rows are slow parts (`slow_rows`), and a log that is too short for them hides every cause.
+All rows are slow parts (`coloured_noise`), and a log that is too short for them hides every cause.
 Source: Breusch & Pagan 1980 for score tests, Cameron & Miller 2015 for blocks.
 """
 
@@ -26,7 +26,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import chdtri
 
-from runtime.estimators.regression.coloured_noise import coloured_noise_of_shares
+from runtime.estimators.regression.coloured_noise import (
+    coloured_noise_of_shares,
+    slow_cosines,
+    slow_part,
+    tells,
+    time_step,
+)
 from runtime.estimators.regression.model_error import (
     SIGNIFICANCE,
     FreeFit,
@@ -36,7 +42,6 @@ from runtime.estimators.regression.model_error import (
 )
 from runtime.estimators.regression.posterior import APART, ROUNDING, posterior_of
 from runtime.estimators.regression.samples import Samples
-from runtime.estimators.regression.slow_rows import slow_cosines, slow_part, tells, time_step
 from runtime.library import Array, Library
 from runtime.library.parameters import first_moment, links, mass
 

@@ -1,16 +1,12 @@
-"""Triangular factor of all samples, with merging and forgetting.
+"""Triangular factor of all samples, with merging and forgetting, and the torque loss over it.
 
-Factors of several logs add up, and old samples can be forgotten (Golub & Van Loan, Sec. 6.5).
+Factors of several logs add up, and old samples can be forgotten (Golub & Van Loan, Sec. 6.5). The
+weighted loss over samples or their factor is
 
-Weighted torque loss, over samples or over their statistics, compressed in one pass.
+    L(λ, φ) = (1/N) Σ ½ rᵀ W r,  r = Y π(λ) + F φ − τ (Eqs. 4.5, 4.6)
 
-L(λ, φ) = (1/N) Σ ½ rᵀ W r,  r = Y π(λ) + F φ − τ (Eqs. 4.5, 4.6), with friction F φ as an option.
-The unknowns are x = [λ, ψ]: φ = ψ · unit, where one unit of ψ moves the torque of its joint by as
-much as a relative change of one in λ does, so that one step size serves both.
-
-Samples are compressed block by block; Y_b is never stored.
-
-Statistics over [β; φ] → the same least squares over π alone, the linear columns eliminated.
+with x = [λ, ψ], φ = ψ · unit, where one unit of ψ moves the torque of its joint by as much as a
+relative change of one in λ does, so that one step size serves both.
 
 min over φ of ‖R [K π; φ] − r‖² is ‖A π − b‖² + const: with Q₁ spanning the columns of φ, A and b
 are what Q₂ᵀ leaves of R K and r (a Schur complement without normal equations). φ follows from π.
@@ -69,10 +65,7 @@ class Statistics:
         return np.hstack([base @ self.base_matrix, self.factor[:, self.n_base :]])
 
     def unit_columns(self) -> tuple[Array, Array]:
-        """Columns of R over [β; φ] at length one, (p, p), and their lengths, (p,).
-
-        A zero column stays zero, with a length of one.
-        """
+        """Columns of R over [β; φ] at length one, and their lengths; 1 for a zero column."""
         lengths = np.linalg.norm(self.factor, axis=0)
         lengths = np.where(lengths > 0, lengths, 1.0)
         return self.factor / lengths, lengths
@@ -98,10 +91,7 @@ class Statistics:
         return replace(self, factor=np.where(kept, self.factor, 0.0))
 
     def holding(self, held: NDArray[np.bool_], values: Array) -> "Statistics":
-        """Statistics in which some entries of φ are fixed at given values.
-
-        held (n k,), values (n k,).
-        """
+        """Statistics in which some entries of φ, (n k,), are fixed at given values."""
         columns = self.factor[:, self.n_base :]
         shifted = replace(self, target=self.target - columns[:, held] @ values[held])
         return shifted.without(held)
@@ -267,10 +257,7 @@ def compress(
     sample_weights: Array | None = None,
     threads: int | None = None,
 ) -> Statistics:
-    """Compress N samples; the result does not depend on `threads`, to the bit.
-
-    weights (n,), sample_weights (N,).
-    """
+    """Compress N samples; the result does not depend on `threads`, to the bit."""
     weights = _weights("weights", weights, samples.equations)
     count = float(len(samples))
     if sample_weights is not None:

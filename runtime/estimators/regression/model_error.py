@@ -51,7 +51,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtri
 
-from runtime.estimators.regression.coloured_noise import coloured_noise_of_shares, shares_of_basis
+from runtime.estimators.regression.coloured_noise import (
+    coloured_noise_of_shares,
+    shares_of_basis,
+    slow_part,
+    time_step,
+)
 from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.posterior import (
     APART,
@@ -61,7 +66,6 @@ from runtime.estimators.regression.posterior import (
     posterior_of,
 )
 from runtime.estimators.regression.samples import Samples
-from runtime.estimators.regression.slow_rows import slow_part, time_step
 from runtime.library import Array, Library
 from runtime.recording.friction.columns import dahl_state
 from runtime.recording.settings import DAHL_STROKE, STRIBECK_SPEED

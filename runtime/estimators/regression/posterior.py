@@ -151,9 +151,7 @@ def basis_of_joints(rows: Array, root: Array) -> Array:
 
         Q_j Q_jᵀ = X_j M Mᵀ X_jᵀ,   Q_j = X_ju L,   L Lᵀ = M_u M_uᵀ
 
-    with the columns u that the joint uses.
-
-    rows (N, n, p), root (p, r) → (N, n, k).
+    with the columns u that the joint uses: rows X (N, n, p), root M (p, r) → (N, n, k).
     """
     used = np.any(rows, axis=0)
     factors = [np.asarray(np.linalg.qr(root[each].T, mode="r")).T for each in used]

@@ -10,22 +10,20 @@ The profile is that of linear least squares at every delay:
     τ(t + δ) = W x + e,   L(δ) = Σ_j N_eff/2 · ln s_j²(δ),   s_j² the residual variance of joint j
 
 δ is the time by which the log stamps τ late (`Preparation.torque_delay_s`); a commanded torque that
-acts d later has δ = −d. N_eff is the effective sample size of the residuals, with the scatter of
-the score dL/dδ between blocks (`model_error`). The interval holds all δ with L(δ) − L(δ̂) ≤ 1.92,
-half the 95 % quantile of χ² with one degree of freedom. Friction has a memory and lags behind the
-sign of dq, which looks like a delay of some 20 ms: rows of a measured torque near a reversal of a
-joint's speed are left out for that joint.
+acts d later has δ = −d. N_eff counts the scatter of the score dL/dδ between blocks (`model_error`).
+The interval holds all δ with L(δ) − L(δ̂) ≤ 1.92, half the 95 % quantile of χ² with one degree of
+freedom. Friction has a memory and lags behind the sign of dq, which looks like a delay of some 20
+ms: rows of a measured torque near a reversal of a joint's speed are left out for that joint.
 Source: profile likelihood of Gaussian noise with unknown variances (Murphy & van der Vaart 2000).
 
 Dry friction of drives: with a memory or without, the same everywhere or changing with q.
 
     e = τ(t + δ) − Y π0 − F φ,   F with coulomb or dahl, each without and with position
 
-The memory is the stroke z_c within which friction turns round after a reversal; behind a linkage or
-a cable friction changes with the position. The candidates are fitted joint by joint and compared by
-cross-validation on contiguous blocks. A memory and a delay both make the torque of a reversal late:
-where the delay is unknown, a memory has to pay at the δ that is best without it, and then has a δ
-of its own.
+A linkage or a cable makes friction change with the position. Candidates are compared joint by joint
+by cross-validation on contiguous blocks. A memory, with the stroke z_c of a reversal, and a delay
+both make the torque of a reversal late: where the delay is unknown, a memory has to pay at the δ
+that is best without it, and then has a δ of its own.
 """
 
 from collections.abc import Callable, Sequence
@@ -129,10 +127,9 @@ def recorded_delay(
     *,
     has_gains: bool = True,
 ) -> DelayProfile:
-    """Profile of the loss over the delay of a recording.
+    """Profile of the loss over the delay of a recording, to `reach_s` of a measured torque.
 
-    reach_s: largest delay of a measured torque on both sides [s].
-    has_gains: False for a torque whose gains are unknown, so that joints share no parameters.
+    Without gains (`has_gains` False) the joints share no parameters.
     """
     usual = filtered(recording, preparation)
     if usual.cutoff_hz:  # between rows, interpolation damps noise near the Nyquist frequency
@@ -292,13 +289,11 @@ def _interval(x: Array, y: Array, limit: float) -> tuple[float, float]:
 
 
 DRY, MEMORY, ALONG = COULOMB.name, DAHL.name, POSITION.name
-"""Names of the columns."""
 STROKES = tuple(5e-4 * 2.0 ** (k / 2) for k in range(7))
 """Strokes z_c that are tried [rad, m]; a parabola resolves fractions of their steps."""
 DELAY_STEP_S = 0.005
 """Step of the delays that are tried [s]."""
 FOLDS = 5
-"""Contiguous blocks of the cross-validation."""
 LEAST_GAIN = 0.1
 """Share by which further columns have to lower the mean square error (geometric mean of joints)."""
 _RANK = 1e-10

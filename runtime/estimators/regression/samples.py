@@ -27,7 +27,6 @@ LAGS = 24
 SILENT = 1e-6
 """Residual, relative to the largest RMS torque of a joint, below which it counts as rounding."""
 ARRAYS = ("q", "dq", "acceleration", "tau", "columns", "base")
-"""Names of the arrays of samples."""
 THESIS_SIGMA = 0.5
 """Regularisation of Eq. 4.8, N·m."""
 
@@ -209,11 +208,9 @@ def residuals(lib: Library, samples: Samples, pi: Array, phi: Array) -> Array:
 
 
 def noise(rest: Array, lib: Library, n_phi: int, inflation: float = 1.0) -> Array:
-    """Noise s_j per joint: RMS of the residual, corrected for what the unknowns have absorbed.
+    """Noise s_j per joint, (n,): RMS of the residual, corrected for what the unknowns absorb.
 
     Each unknown absorbs the noise of one independent sample, `inflation` times that of a row.
-
-    rest (N, n) → (n,) [N·m, N].
     """
     used = inflation * (len(lib.base_columns) + n_phi) / rest.shape[1]
     return np.asarray(np.sqrt(_power(rest) / max(len(rest) - used, 1.0)))

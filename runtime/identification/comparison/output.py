@@ -1,14 +1,11 @@
-"""Advice on the choice of a method, by fixed rules.
+"""Advice on the choice of a method, by fixed rules, written as compare.json, compare.md and a page.
 
 MAP is recommended unless it has no consistent result, or another strictly consistent method
 predicts the validation part significantly better. The test part has no share in the choice, so that
 the test error of the recommended method is that of data that nothing was fitted or chosen on.
-Significance is computed on contiguous blocks of the validation part, whose means are nearly
-independent although neighbouring residuals are not: t = mean(d)/(std(d)/√B) of the block means of
-d, the difference of squared errors. Source: Diebold & Mariano 1995 for testing d; Law & Kelton for
-means of batches.
-
-Advice and rows are written as compare.json, compare.md and report.html.
+Means of contiguous blocks of the validation part are nearly independent although neighbouring
+residuals are not: t = mean(d)/(std(d)/√B) of the block means of d, the difference of squared
+errors. Source: Diebold & Mariano 1995 for testing d; Law & Kelton for means of batches.
 """
 
 import html
@@ -43,9 +40,7 @@ from runtime.recording import Recording
 UNCONSTRAINED = "ols"
 """Method whose growth of the error from training to test shows over-fitting."""
 BLOCKS = 10
-"""Contiguous blocks of the validation part."""
 LEVEL = 0.95
-"""Confidence level of the t-test."""
 WORTHWHILE = 0.01
 """Relative reduction of the torque error below which a method does not count as better."""
 ENOUGH = 0.5
@@ -361,9 +356,6 @@ def _line(words: tuple[str, ...]) -> str:
 
 
 def _plain(text: str) -> str:
-    """Text in one line whose characters mean nothing to Markdown or HTML.
-
-    Names of joints and logs are part of it, and they come from elsewhere.
-    """
+    """Text in one line without Markdown or HTML: names of joints and logs come from elsewhere."""
     flat = "".join(c if c.isprintable() else "_" for c in text)
     return re.sub(r"([\\`*\[\]|])", r"\\\1", html.escape(flat, quote=False))

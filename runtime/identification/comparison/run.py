@@ -235,7 +235,6 @@ def _row(
 def _figures(
     assembly: Assembly, result: Identification, optimum: float, truth: TrueParameters | None
 ) -> Figures:
-    """Errors, consistency, gap and determined parameters of one result."""
     problem, lib = assembly.problem, result.lib
     training = _misfit(problem.samples("train"), result.predict_samples)
     held = _misfit(_part(assembly, "validation"), result.predict_samples)

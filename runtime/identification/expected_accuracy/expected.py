@@ -14,15 +14,11 @@ Residuals show little of wrong gains of the torque sensors, whose error is
 
 A_j are the weighted rows of joint j without their part along its friction columns, C is the
 posterior covariance by the rows of all joints. Gains that are equal scale the model, Σ_j s_j ≈ π,
-and leave no residual: heavier links need that torque. The model then predicts the torque that the
-sensors would measure, which differs from that of the joints by the gains.
+and leave no residual.
 
-Standard deviations over the recording time of a motion, and the gain of recording more.
-
-    gain = 1 − σ_after / σ_now
-
-The same motion again adds information at the same rate: information grows in proportion to time,
-and σ of parameters that the data determine decreases like 1/√t. Another motion has another rate.
+The gain of recording more is 1 − σ_after / σ_now. The same motion adds information in proportion
+to time, and σ of parameters that the data determine decreases like 1/√t; another motion has another
+rate.
 """
 
 from collections.abc import Mapping, Sequence
@@ -218,11 +214,9 @@ def facts(sigma: Expected, lib: Library, payload_only: bool = False) -> dict[str
 def gain_slopes(
     lib: Library, moved: MotionSamples, sigma: Array, known: Knowledge, unit: float = 1.0
 ) -> Array:
-    """Change of the estimated parameters per relative error of each torque gain.
+    """Change s of the parameters per relative error of each torque gain, (10 n, n).
 
     Earlier logs are taken to change in the same way: the sensors are the same.
-
-    sigma (n,) N·m or N → s, (10 n, n) SI.
     """
     n = lib.n_joints
     alone = [reduce(moved.statistics(lib, sigma, only=j), n)[0].factor for j in range(n)]
@@ -234,11 +228,7 @@ def gain_slopes(
 
 
 def unseen_torque(over_base: Array, unseen: Array) -> Array:
-    """RMS torque error of other motions by errors of β, (n_b, m): (n,) [N·m, N].
-
-    unseen (n, n_b, n_b) is the mean of Y_bᵀ Y_b per joint over these motions, of
-    `runtime.excitation.search.criteria.unseen_joints`.
-    """
+    """RMS torque error (n,) of motions of mean Y_bᵀ Y_b (n, n_b, n_b), by errors of β (n_b, m)."""
     return np.sqrt([np.sum(over_base * (joint @ over_base)) for joint in unseen])
 
 
@@ -247,7 +237,6 @@ WORTHWHILE = 0.10
 SECONDS = (10.0, 30.0, 60.0)
 """Further recording times that are evaluated by default, s."""
 _NAMED = 3
-"""Number of names in a sentence."""
 KNOTS = 24
 """Number of instants; they are closer together at the beginning, where σ decreases fastest."""
 SOONEST = 0.02

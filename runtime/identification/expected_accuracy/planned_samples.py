@@ -136,10 +136,10 @@ def noise_of(lib: Library, moved: MotionSamples, kappa: float = CAD) -> Noise | 
 
 
 def repetition(q: Array, rest: Array) -> float:
-    """Correlation of the residuals on the way out with those on the way back.
+    """Correlation r of the residuals on the way out with those on the way back, 0 for noise.
 
-    A motion out and back passes every state twice. Model error has the same sign both times: the
-    mean of both has the variance (1 + r)/2 and not 1/2. Noise has r = 0.
+    Model error has the same sign both times a state is passed: the mean of both has the variance
+    (1 + r)/2 and not 1/2.
     """
     spans = np.ptp(q, axis=0)
     moving = spans > STILL

@@ -1,4 +1,4 @@
-"""Delay and noise of commanded torques of a robot with a free base.
+"""Noise of the rows of a robot with a free base, and the delay of commanded torques.
 
 Gauss–Newton on the delay d and expectation–maximisation on the covariance Σ = L Lᵀ of the rows in
 turn. With N of `rows`, e = Nᵀ L⁻¹ r are the equations of residuals r, and L⁻¹ r given them is
@@ -6,10 +6,8 @@ turn. With N of `rows`, e = Nᵀ L⁻¹ r are the equations of residuals r, and 
     E[L⁻¹ r | e] = N e,   Σ ← L mean(N e eᵀ Nᵀ + 1 − N Nᵀ) Lᵀ
 
 since what the unknown wrenches hide of L⁻¹ r keeps its variance of one. Σ is no diagonal: an error
-of the attitude or of an encoder enters many rows. The step of d is the
-coefficient of its column at the most probable model. Source: Dempster, Laird & Rubin 1977.
-
-Noise of the equations and sum of the vertical forces of a free base.
+of the attitude or of an encoder enters many rows. The step of d is the coefficient of its column at
+the most probable model. Source: Dempster, Laird & Rubin 1977.
 
 Where the low-pass leaves fewer independent equations than base parameters, residuals of a fit
 cannot show the noise. What the URDF leaves does, once its mean (an offset, or the total mass) and

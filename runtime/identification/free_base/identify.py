@@ -92,10 +92,7 @@ def identify_free_base(
     friction: tuple[str, ...] = COLUMNS,
     delay_s: float | None = None,
 ) -> FreeBaseIdentification:
-    """Identify π of a robot with a free base.
-
-    Friction columns and delay are those of commanded torques; the delay is estimated unless stated.
-    """
+    """Identify π of a robot with a free base; a delay of commands is estimated unless stated."""
     if not lib.manifest.floating:
         raise IdentificationError(
             f"the base of '{lib.name}' is fixed, so a log with the motion of a base does not fit; "
@@ -262,7 +259,6 @@ def _prepared(
 def _notes(
     lib: Library, recording: FreeBaseRecording, data: _Prepared, noise: RowNoise | None
 ) -> tuple[str, ...]:
-    """Sentences on the equations and the contacts."""
     trained, notes = data.trained, list(data.notes)
     if noise is not None:
         independent = trained.samples.tau.size / noise.floor.inflation
@@ -323,10 +319,7 @@ def _friction(drives: Drives, joints: int, phi: Array, sigma: Array) -> Friction
 def _posterior(
     problem: Problem, fit: Fit, prior: PriorFile | None, offsets: Array
 ) -> tuple[SavedPosterior, Array, Array]:
-    """Posterior, share of the prior in every entry of π, and σ of φ.
-
-    offsets (N, m, o) of the rows move π and φ.
-    """
+    """Posterior, share of the prior in π, and σ of φ; offsets (N, m, o) move both."""
     lib, (weights, noise) = problem.lib, fit.noise()
     level = max(noise.density, float(np.finfo(float).tiny))
     statistics = fit.statistics or problem.statistics()

@@ -57,10 +57,9 @@ def require_prior_of_bodies(prior: PriorFile | None) -> None:
 
 
 def require_clock(recording: FreeBaseRecording) -> None:
-    """Refuse a time that is not in seconds.
+    """Refuse a time that is not in seconds, by velocities and positions of joints or base.
 
-    Compared are joint velocities, else the velocity of the base, with the positions; a log
-    without them is refused where its rate is too low to differentiate.
+    A log without them is refused where its rate is too low to differentiate.
     """
     t, name = recording.t, recording.name
     if recording.dq is not None:
@@ -119,10 +118,7 @@ def require_joint_units(lib: Library, motion: FreeBaseMotion, name: str) -> None
 
 
 def require_forces_on_robot(lib: Library, rows: FreeBaseRows, name: str) -> None:
-    """Refuse contact wrenches of the opposite sign, such as forces on the ground.
-
-    Compared are the equations of the base, whose right side is that of the wrenches alone.
-    """
+    """Refuse opposite wrenches, such as forces on the ground, by the equations of the base."""
     alone = not any(row in rows.names for row in lib.joint_names)
     complete = rows.samples.equations == len(rows.names) >= FREEDOM
     if not (alone or complete):
@@ -170,7 +166,6 @@ def notes_on_errors(
 _CLOSER = 3.0
 """Residual in the stated convention over that in another one from which the latter is named."""
 _INSTANTS = 300
-"""Instants that are compared."""
 _ALL = 4
 """Number of contacts up to which every permutation is tried; beyond it, exchanges of two."""
 _UNITS = {"kgf": 9.81, "kN": 1e3, "mN": 1e-3}

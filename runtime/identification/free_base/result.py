@@ -137,10 +137,10 @@ def uncertainty_of(
 def free_base_errors(
     recording: FreeBaseRecording, lib: Library, saved: SavedResult, cutoff_hz: float | None
 ) -> tuple[tuple[str, ...], dict[str, list[float]]]:
-    """Errors of a result on another log of the robot, low-passed at the cut-off [Hz].
+    """RMS of the rows of another log, low-passed at the cut-off [Hz], with the names of the rows.
 
-    Names of the k rows, and RMS of the measured forces and torques (`size`), of errors of the URDF
-    (`before`), and of those of the result with friction, delay and errors of sensors (`after`).
+    `size` is that of forces and torques, `before` that of errors of the URDF, and `after` that of
+    errors of the result with friction, delay and errors of sensors.
     """
     record, drives, late = saved.record, None, 0.0
     if recording.is_commanded:

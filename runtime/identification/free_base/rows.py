@@ -62,7 +62,6 @@ CROSSTALK = ("crosstalk_x", "crosstalk_y")
 _FORCE = slice(0, 3)
 _MOMENT = slice(3, FREEDOM)
 CHOSEN = {"all": slice(None), "base": slice(0, FREEDOM), "joints": slice(FREEDOM, None)}
-"""Choice of rows → which."""
 RANK = 1e-6
 """Singular value of the Jacobian of unknown wrenches, relative to the largest, that counts."""
 OPPOSITE = 3.0
@@ -88,11 +87,7 @@ def reading_errors(lib: Library, motion: FreeBaseMotion) -> Array:
 
 
 def sensor_errors(contacts: Contacts) -> list[tuple[str, float]]:
-    """Name and σ of the K coefficients of `reading_errors`, the first of φ.
-
-    Names are links of offsets, numbered where a link has several contacts, "sharing", and axes of
-    crosstalk.
-    """
+    """Name (link, "sharing", axis of crosstalk) and σ of the K coefficients of `reading_errors`."""
     known: list[tuple[str, float]] = []
     if contacts.offset_sigma is not None:
         # A sensor that is stated to have no offset keeps one of rounding.

@@ -1,7 +1,5 @@
 """Errors of a payload beside the noise of its rows: of the arm's model, of gains, and of postures.
 
-Known model of the arm, from the URDF or a result of identify:
-
     δπ_load = −C Σ Y_kᵀ W A δ,   C = (Σ Y_kᵀ W Y_k)⁻¹
 
 with the offsets taken out of both Y. For an identified arm A = [Y_b, F], and δ(β, φ) has the
@@ -10,27 +8,24 @@ covariance of its posterior and the usual change of friction from day to day. Fo
 the scale of it that the residual supports: an arm that fits to a percent is not 25 % off. Against
 an empty run of the same motion the errors of the arm cancel.
 
-The gains of the torque sensors are a fixed error too:
+The gains of the torque sensors are a fixed error too, which a longer log does not average out:
 
-    τ_measured,j = (1 + g_j) τ_j,   g_j ~ N(0, s²)
-    δπ = Σ_j g_j v_j,   v_j = C Σ Y_kjᵀ τ_j / σ_j²,   C = (Σ Y_kᵀ W Y_k)⁻¹
+    τ_measured,j = (1 + g_j) τ_j,   g_j ~ N(0, s²),   δπ = Σ_j g_j C Σ Y_kjᵀ τ_j / σ_j²
 
 with the offsets taken out of Y and τ, and s at most the expected one, by what the residual shows of
 it (`model_error.gain_error`). Against an empty run, and with a model that was identified by the
-same sensors, the gains act on the torque of the payload alone. A wrong gain does not average out in
-a longer log.
+same sensors, the gains act on the torque of the payload alone.
 
 `posture_error` is the error beside the payload that repeats with a joint's position,
 
     u_g = (A − A_g)⁻¹ s_g,   s_g = Σ_{i in g} Y_iᵀ W e_i,   V = t² (K − 1)/K Σ_g (u_g − ū)²
 
-What the model or an empty run lacks (a spring, a cable, torque that no model has) returns wherever
-the posture returns, so that periods of a motion do not average it, and residuals that are
-correlated in time do not show it. u_g is the change of π without the rows g, a K-th of them that
-are neighbours in the position of a joint. t is the 95 % quantile of Student's t with K − 1 degrees
-of freedom over that of the normal distribution.
-Source: linear propagation of fixed parameters; delete-a-group jackknife, Efron & Stein 1981; the
-scale by the method of moments and groups of postures are ours.
+A spring, a cable, or torque that no model has returns wherever the posture returns, so that periods
+of a motion do not average it, and residuals that are correlated in time do not show it. u_g is the
+change of π without the rows g, a K-th of them that are neighbours in the position of a joint. t is
+the 95 % quantile of Student's t with K − 1 degrees of freedom over that of the normal distribution.
+Source: delete-a-group jackknife, Efron & Stein 1981; the scale by the method of moments and groups
+of postures are ours.
 """
 
 from collections.abc import Callable, Sequence
@@ -135,8 +130,7 @@ def posterior_covariance(
 ) -> Array | None:  # fmt: skip
     """Covariance of a payload's π by the posterior of the arm; None where the arm is another one.
 
-    root (n_b + n k, m), columns Y (N, n, 10), errors (N, n) [N·m, N] of noise (n,) times the root
-    of the density, shape C (10, 10) → (10, 10).
+    errors (N, n) have the noise (n,) times the root of the density; shape is C, (10, 10).
     """
 
     def columns_of(part: slice) -> Array:
@@ -157,10 +151,7 @@ def arm_covariance(
     lib: Library, model: ArmModel, run: Recording, columns: Array, noise: Array, errors: Array,
     payload: Array,
 ) -> Array:  # fmt: skip
-    """Covariance of a payload's π by the prior of the arm, as wide as the residual makes likely.
-
-    columns (N, n, 10), noise (n,) [N·m, N], errors (N, n) [N·m, N], payload (10, 10) → (10, 10).
-    """
+    """Covariance of a payload's π by the prior of the arm, as wide as the residual makes likely."""
     # R of the arm: block-diagonal root of the prior's spread at its parameters.
     spread = bodies_of(lib).spread(prior_of(lib, model.pi).centre) / np.sqrt(CAD)
     motion = (run.q, run.required("dq"), run.required("ddq"))
@@ -182,10 +173,7 @@ def arm_covariance(
 def _products(
     columns_of: Callable[[slice], Array], width: int, payload: Array, errors: Array, noise: Array
 ) -> tuple[Array, Array, Array]:
-    """Yᵀ W A (10, w), Aᵀ W A without what Y and the offsets explain (w, w), and Aᵀ W e (w,).
-
-    columns_of: some rows of the arm's columns A, (N, n, w); payload Y (N, n, 10).
-    """
+    """Yᵀ W A, Aᵀ W A without what Y and offsets explain, and Aᵀ W e; A by its rows."""
     rows = over_noise(payload, noise)
     mean, cross = np.zeros((len(noise), width)), np.zeros((N_PARAMETERS, width))
     gram, slope = np.zeros((width, width)), np.zeros(width)
@@ -214,8 +202,8 @@ def gain_covariance(
 ) -> tuple[Array, float]:  # fmt: skip
     """Covariance of a payload's π by independent errors of the torque gains, and their σ.
 
-    columns Y (N, n, 10), torque (N, n) and errors (N, n) [N·m, N] of noise (n,) times the root of
-    the density, shape C (10, 10), expected relative σ, which is the largest one.
+    errors (N, n) have the noise (n,) times the root of the density; shape is C, (10, 10), and
+    `expected` the largest relative σ.
     """
     sizes, axes = np.linalg.eigh(shape)
     root = axes * np.sqrt(np.maximum(sizes, 0.0))

@@ -1,4 +1,4 @@
-"""An identified payload: mass, centre of mass and inertia of one body, and its mount on a link.
+"""An identified or known payload: mass, centre of mass and inertia of a body, its mount on a link.
 
     c = h / m,   Σ_com = Σ − h hᵀ / m,   I_com = tr(Σ_com) 1 − Σ_com,   C_x = J C_π Jᵀ
 
@@ -7,11 +7,8 @@ is transformed from the frame F to that of its link by X = [[R, p], [0, 1]]:
 
     P_link = X P_F Xᵀ,  a linear map of π.   R, p: pose of F in the link's frame
 
-A payload that is known from a scale and a drawing: mass, centre of mass, inertia.
-
-It is given as numbers MASS,CX,CY,CZ[,IXX,IYY,IZZ,IXY,IXZ,IYZ] or as a JSON in the form of
-`payload.json`: mass [kg], com [m], inertia [3 × 3 kg·m²] or none, link; all in the frame of the
-mount.
+A known payload is given as numbers MASS,CX,CY,CZ[,IXX,IYY,IZZ,IXY,IXZ,IYZ] or as a JSON in the form
+of `payload.json`: mass [kg], com [m], inertia [3 × 3 kg·m²] or none, link.
 """
 
 from dataclasses import dataclass
@@ -111,9 +108,7 @@ def _from_json(path: Path) -> KnownPayload:
 
 
 def _require_body(inertia: Array) -> None:
-    """Refuse an inertia that is not physically consistent: Σ_com = ½ tr(I) 1 − I needs
-    eigenvalues ≥ 0.
-    """
+    """Refuse an inertia that is not physically consistent: Σ_com = ½ tr(I) 1 − I ⪰ 0."""
     tensor = np.asarray(inertia, dtype=float)
     wrong = tensor.shape != (3, 3) or not np.isfinite(tensor).all() or (tensor != tensor.T).any()
     if not wrong:

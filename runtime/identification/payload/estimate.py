@@ -3,9 +3,9 @@
     τ − Y π_arm − F φ_arm = Y_k π + b + e,   e ~ N(0, diag σ_j²)
 
 Y_k are the columns of the link that carries the payload. b is one offset per joint, eliminated by
-subtracting means. With a run of the same motion without the payload, its residual is subtracted
-first, so that bias and friction cancel. σ_j is estimated from the residuals in three passes.
-Correlated residuals count as N_eff samples (`coloured_noise`), in the weight of the prior too.
+subtracting means. The residual of a run of the same motion without the payload is subtracted first,
+so that bias and friction cancel. Correlated residuals count as N_eff samples (`coloured_noise`), in
+the weight of the prior too.
 Source: Lee, Wensing & Park 2019 (prior); Swevers et al. 2002 (payload).
 """
 
@@ -62,10 +62,7 @@ exchanged."""
 def empty_residual(
     loaded: Recording, empty: Recording, residual: Array, names: Sequence[str]
 ) -> Array:
-    """Interpolate the residual of the empty run at the instants of the loaded one.
-
-    Returns (N, n) [N·m, N].
-    """
+    """Interpolate the residual of the empty run at the instants of the loaded one, (N, n)."""
     if abs(empty.duration - loaded.duration) > LENGTH * loaded.duration:
         raise IdentificationError(
             f"the empty run lasts {empty.duration:.3g} s, the loaded one {loaded.duration:.3g} s; "
@@ -226,10 +223,10 @@ def _with_model_error(
     is_alone: bool,
     gains: float,
 ) -> tuple[_Solution, PostureDeviation | None, float, ArmModel]:
-    """Covariance with errors of the arm, of gains and of postures.
+    """Covariance with errors of the arm, of gains and of postures; these, σ of gains, and the arm.
 
-    is_alone: whether the run without the payload is subtracted. Returned are, too, the errors of
-    postures, σ of the gains, and the arm, without its posterior where the residual contradicts it.
+    `is_alone`: the run without the payload is subtracted. The arm has no posterior where the
+    residual contradicts it.
     """
     noise, extra, repeated = solution.covariance, np.zeros_like(solution.shape), None
     weights = (solution.errors, solution.fitted, solution.shape, solution.density)
@@ -364,7 +361,6 @@ def _payload(
     differential: bool,
     gain_error: float,
 ) -> Payload:
-    """The solution in the mount's frame, with status and advice."""
     turn = mount.to_frame
 
     def body(covariance: Array) -> Body:

@@ -1,12 +1,9 @@
 """Files of a payload: JSON, Franka's setLoad and Desk, a URDF link, other controllers' files.
 
-libfranka's `Robot::setLoad` takes mass [kg], F_x_Cload: flange to centre of mass [m], and the
-inertia about the centre of mass [kg·m²], 9 numbers column by column; Desk's
-`endeffector-config.json` holds the same with the pose of the end effector (16 numbers column by
-column) and a name. The files for other controllers are
-
 | file | content | units |
 |---|---|---|
+| `set_load.json` | libfranka's `setLoad`: mass, F_x_Cload, inertia by columns | kg, m, kg·m² |
+| `endeffector-config.json` | Desk: the same, name, pose of the end effector | kg, m, kg·m² |
 | `set_target_payload.script` | URScript `set_target_payload(m, cog, inertia)` | kg, m, kg·m² |
 | `load_data.krl` | KUKA's structure LOAD: `M`, `CM`, `J` | kg, mm and degrees, kg·m² |
 | `kinova_payload.json` | Kortex `PayloadInformation` | kg, m |
@@ -15,11 +12,8 @@ column) and a name. The files for other controllers are
 The centre of mass is in the frame of the mount; each controller expects that of its flange. UR
 takes the inertia about the centre of mass with the axes of the flange, in the order xx, yy, zz,
 xy, xz, yz. KUKA takes the moments J about the principal axes and their orientation A, B, C (turns
-about z, y', x''). Kinova and xArm take no inertia.
-
-Sources: libfranka's reference; Franka, "End effector commissioning"; URScript manual,
-set_target_payload; KUKA System Software, LOAD; Kortex API, ControlConfig.SetPayloadInformation;
-xArm-Python-SDK, set_tcp_load.
+about z, y', x''). Sources: libfranka's reference; Franka, "End effector commissioning"; URScript
+manual; KUKA System Software, LOAD; Kortex API, SetPayloadInformation; xArm-Python-SDK.
 """
 
 from pathlib import Path
@@ -38,7 +32,6 @@ VENDOR_FILES = (
     *("kinova_payload.json", "xarm_tcp_load.json"),
 )
 MM = 1e3
-"""Millimetres per metre."""
 FILES = (
     *("payload.json", "set_load.json", "endeffector-config.json", "payload.urdf"),
     *VENDOR_FILES,

@@ -36,9 +36,8 @@ from numpy.typing import NDArray
 
 from runtime.common.tables import significant
 from runtime.errors import RuntimeFault
-from runtime.estimators.convex.compiled import solve
 from runtime.estimators.convex.entropic_prior import NONE, prior_of
-from runtime.estimators.convex.newton import convex_problem
+from runtime.estimators.convex.newton import convex_problem, solve
 from runtime.estimators.regression.causes import potential_rows
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.estimators.regression.factor import reduced_of

@@ -1,18 +1,15 @@
-"""Prior of a type, fleet.toml: inertias of `hierarchy`, friction and noise, for `identify --prior`.
+"""Prior of a type, fleet.toml: inertias, friction and noise, for `identify --prior`.
 
 Friction is the mean of every coefficient over the units, and their spread,
 
     φ_u ~ N(μ, τ² + v_u)   per joint and column, v_u the variance of the estimate of unit u
 
 μ and the standard deviation of a further unit are means over τ, uniform on a grid, weighted by its
-restricted likelihood.
-
-Noise is what the residuals of a few seconds of a new unit cannot show: many unknowns explain few
-rows too well, while residuals of long logs of other units show how large and how coloured the
-errors of the model are.
+restricted likelihood. Noise is that of long logs of the other units, which the residuals of a few
+seconds of a new unit cannot show.
 Source: Patterson & Thompson 1971 for the restricted likelihood; Gelman 2006 for the uniform τ.
 
-The hierarchical prior of a fleet: centre of the type, spread of its units, and each unit.
+The inertias are a hierarchy: centre of the type, spread of its units, and each unit.
 
     A_u K π_u = b_u + N(0, 1),   p(π_u) ∝ exp(−κ D(P_u, P0)),   p(P0) ∝ exp(−κ_0 D(P0, P_URDF))
     D(P, P0) = Σ_k [tr(P0_k⁻¹ P_k) − log det P_k + log det P0_k − 4]
@@ -48,9 +45,8 @@ from scipy.special import chdtrc, chdtri
 from runtime.common.files import replacing, toml_value
 from runtime.common.threads import cores
 from runtime.errors import IdentificationError, RuntimeFault
-from runtime.estimators.convex.compiled import solve, solve_many
 from runtime.estimators.convex.entropic_prior import CAD, Prior, prior_from, prior_of
-from runtime.estimators.convex.newton import convex_problem
+from runtime.estimators.convex.newton import convex_problem, solve, solve_many
 from runtime.estimators.prior_file import read_prior
 from runtime.estimators.problem import NoiseFloor
 from runtime.estimators.regression.factor import Reduced
@@ -71,7 +67,6 @@ WIDER = 40.0
 ROUNDS = 8
 """Largest number of choices of the units that count."""
 PASSES = 4
-"""Largest number of passes."""
 STILL = 1e-3
 """Step of the centre, as a standard deviation of a unit, below which the passes end."""
 
@@ -259,10 +254,7 @@ def alternate(
     kappas: tuple[float, float],
     centre: Array,
 ) -> tuple[Array, Array]:
-    """Alternate each unit's maximum a posteriori with the centre of the units that count.
-
-    data (U, n_b, n_b), counted (U,), centre (10 n,) → (U, 10 n).
-    """
+    """Alternate each unit's maximum a posteriori with the centre of the counted units."""
     bodies, (kappa, kappa_0) = urdf.bodies, kappas
     of_urdf = bodies.pseudo_inertia(urdf.centre)
     factors = [np.ascontiguousarray(A @ lib.base_matrix) for A in data[0]]
@@ -285,13 +277,11 @@ def alternate(
 
 
 def centre_of(pseudo: Array, urdf: Array, kappa: float, kappa_0: float) -> Array:
-    """Centre X of bodies, the minimiser of κ Σ_u D(P_u, X) + κ_0 D(X, P_URDF), in closed form.
+    """Centre X of bodies (U, n, 4, 4), the minimiser of κ Σ_u D(P_u, X) + κ_0 D(X, P_URDF).
 
     Its slope is 0 where κ_0 X P⁻¹ X + (κ U − κ_0) X = κ Σ P_u, P of the URDF. With P = L Lᵀ,
     X = L W Lᵀ this is κ_0 W² + (κ U − κ_0) W = L⁻¹ (κ Σ P_u) L⁻ᵀ, a quadratic equation of each
     eigenvalue.
-
-    pseudo (U, n, 4, 4), urdf (n, 4, 4) → (n, 4, 4).
     """
     lower = np.linalg.cholesky(urdf)
     inverse = np.linalg.inv(lower)
@@ -430,10 +420,7 @@ def write_prior(path: Path, text: str, lib: Library) -> None:
 
 
 def fit_noise(units: Sequence[Unit], fit: FleetFit) -> NoiseFloor | None:
-    """Usual noise of the units of a type.
-
-    Returns (n,) [N·m, N].
-    """
+    """Usual noise of the units of a type."""
     pairs = zip(units, fit.stands_out, strict=True)
     counted = [unit for unit, is_out in pairs if not is_out and np.isfinite(unit.noise).all()]
     if len(counted) < LEAST_UNITS:

@@ -1,14 +1,11 @@
 """Statistics files of a folder → the units of a fleet, here or on a dask cluster.
 
-The files are read in parts of `PART`. Each finished part is one file in the folder OUT.parts, whole
-or absent and named by the files that it was computed from, so that a run that was killed continues
-with the parts that are missing. A worker that is killed loses the part that it had begun, and dask
-gives it to another one. The folder is removed when the prior is written.
-
-One unit of a fleet: rows over the base parameters in units of their noise, and its friction.
-
 Friction is eliminated, so that A β = b + ε with ε ~ N(0, 1) is what a unit contributes to the
 inertias of the type. Its friction follows from β:  φ = f − G β + N(0, v).
+
+The files are read in parts of `PART`. Each finished part is one file in the folder OUT.parts, named
+by the files that it was computed from, so that a run that was killed continues with the parts that
+are missing. The folder is removed when the prior is written.
 """
 
 import hashlib
@@ -104,9 +101,7 @@ def _friction(system: Elimination, level: float, count: int) -> Array:
 PART = 32
 """Files of one part: some tenths of a second of work."""
 MOST_UNITS = 100_000
-"""Largest number of units."""
 VERSION = 2
-"""Version of the parts."""
 
 
 def statistics_files(folder: Path) -> list[Path]:

@@ -8,7 +8,18 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from runtime.campaign.shortest_session import _needed, shortest_session, size_of, target_of
+from runtime.campaign.shortest_session import (
+    DELAY,
+    FRICTION,
+    GAINS,
+    NOISE,
+    ModelError,
+    _needed,
+    error_parts_of,
+    shortest_session,
+    size_of,
+    target_of,
+)
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.entropic_prior import CAD, prior_of
 from runtime.excitation import Trajectory
@@ -18,14 +29,6 @@ from runtime.excitation.proof.certificate import certificate_of
 from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.information import FRICTION as FRICTION_COLUMNS
 from runtime.excitation.search.information import information
-from runtime.identification.expected_accuracy.session_error import (
-    DELAY,
-    FRICTION,
-    GAINS,
-    NOISE,
-    ModelError,
-    error_parts_of,
-)
 from runtime.library import Library, load
 from runtime.recording import Friction
 from runtime.recording.friction.model import columns

@@ -2,9 +2,16 @@
 
 import numpy as np
 
-from runtime.estimators.convex.compiled import PATIENCE, Path, gamma_sequence, path_of
 from runtime.estimators.convex.entropic_prior import Prior
-from runtime.estimators.convex.newton import Minimum, convex_problem, minimise
+from runtime.estimators.convex.newton import (
+    PATIENCE,
+    Minimum,
+    Path,
+    convex_problem,
+    gamma_sequence,
+    minimise,
+    path_of,
+)
 from runtime.estimators.regression.factor import Reduced
 from runtime.library.parameters import N_PARAMETERS
 

@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 
 from runtime.errors import LibraryError
-from runtime.estimators.convex.compiled import follow_compiled, solve, solve_many
 from runtime.estimators.convex.constraints import Constraints, constrained
 from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_from, prior_of
 from runtime.estimators.convex.newton import (
     ConvexProblem,
     convex_problem,
+    follow_compiled,
     minimise,
     minimise_anywhere,
+    solve,
+    solve_many,
 )
 from runtime.estimators.regression.factor import reduce
 from runtime.library import Library, load

@@ -15,6 +15,16 @@ INSTALL = "pip install 'symgen[export]'"
 SINGLE = 1e-6
 """Of single-precision attributes, relative: two roundings to 24 bits and the degrees."""
 _PER_DEGREE = 180 / np.pi
+_AXIS = "physxJointAxis:{axis}"
+TERMS = {
+    "armature": ("mjc:armature", ("physxJoint:armature", f"{_AXIS}:armature")),
+    "friction": (
+        "mjc:frictionloss",
+        (f"{_AXIS}:staticFrictionEffort", f"{_AXIS}:dynamicFrictionEffort"),
+    ),
+    "damping": ("mjc:damping", (f"{_AXIS}:viscousFrictionCoefficient",)),
+}
+"""Quantity of a joint → its attribute for MuJoCo and those for PhysX."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,14 +71,10 @@ class ReloadedStage:
         """Whether a joint has a value for MuJoCo in double and for PhysX in single precision."""
         prim = self.joints[name]
         is_angular = prim.GetTypeName() == "PhysicsRevoluteJoint"
-        axis = f"physxJointAxis:{'angular' if is_angular else 'linear'}"
-        mjc, physx = {
-            "damping": ("mjc:damping", "viscousFrictionCoefficient"),
-            "friction": ("mjc:frictionloss", "dynamicFrictionEffort"),
-            "armature": ("mjc:armature", "armature"),
-        }[quantity]
+        mjc, (*_, physx) = TERMS[quantity]
+        physx = physx.format(axis="angular" if is_angular else "linear")
         scale = _PER_DEGREE if quantity == "damping" and is_angular else 1.0
-        single = scale * float(prim.GetAttribute(f"{axis}:{physx}").Get())
+        single = scale * float(prim.GetAttribute(physx).Get())
         return bool(prim.GetAttribute(mjc).Get() == value and abs(single - value) <= SINGLE * value)
 
 

@@ -217,27 +217,12 @@ def _moving(model: IdentifiedModel, edge: Edge, kind: str) -> tuple[list[str], l
         ]
     if edge.name not in model.lib.joint_names:  # friction is that of the joints that it follows
         return [], lines
-    index, friction = model.lib.joint_names.index(edge.name), model.friction
-    armature, damping = friction.armature[index], friction.damping[index]
-    dry = friction.friction[index]
-    physx = f"physxJointAxis:{axis}"
-    if armature is not None:
-        lines += [
-            f"float physxJoint:armature = {digits(armature)}",
-            f"float {physx}:armature = {digits(armature)}",
-            f"uniform double mjc:armature = {digits(armature)}",
-        ]
-    if dry is not None:
-        lines += [
-            f"float {physx}:staticFrictionEffort = {digits(dry)}",
-            f"float {physx}:dynamicFrictionEffort = {digits(dry)}",
-            f"uniform double mjc:frictionloss = {digits(dry)}",
-        ]
-    if damping is not None:
-        lines += [
-            f"float {physx}:viscousFrictionCoefficient = {digits(damping * per_unit)}",
-            f"uniform double mjc:damping = {digits(damping)}",
-        ]
+    for quantity, (mjc, names) in usd.TERMS.items():
+        value = getattr(model.friction, quantity)[model.lib.joint_names.index(edge.name)]
+        if value is not None:
+            single = value * per_unit if quantity == "damping" else value
+            lines += [f"float {name.format(axis=axis)} = {digits(single)}" for name in names]
+            lines.append(f"uniform double {mjc} = {digits(value)}")
     return ['"PhysxJointAPI"', f'"PhysxJointAxisAPI:{axis}"', '"MjcJointAPI"'], lines
 
 
@@ -328,7 +313,7 @@ def check_usd(model: IdentifiedModel, text: str) -> str:
         if not read.place_error(edge.name, edge.placement, axis) <= PLACE_TOLERANCE:
             raise reloaded_fault(read.engine, f"the joint '{edge.name}' is placed differently")
     _require_mechanism_read(model, read)
-    for quantity in ("damping", "friction", "armature"):
+    for quantity in usd.TERMS:
         for name, value in zip(
             model.lib.joint_names, getattr(model.friction, quantity), strict=True
         ):

@@ -337,8 +337,9 @@ def recipe_text(inspection: Inspection) -> str:
         text = f"{finding.level}: {finding.sentence}"
         lines += textwrap.wrap(text, 96, initial_indent="#   ", subsequent_indent="#     ")
     text = recipe_file.recipe_text(plan.replace(name="", source=Source()))
-    for block in text.rstrip("\n").split("\n\n"):
-        lines += ["", _CLOCK_STUB if blind and block.startswith("[time]") else block.strip("\n")]
+    for block in text.strip("\n").split("\n\n"):
+        if block != "[split]":  # the usual one
+            lines += ["", _CLOCK_STUB if blind and block.startswith("[time]") else block]
     if any(f.kind == "position_range" for f in inspection.findings) and not plan.gear:
         lines += _gear_stub(len(inspection.recording.q[0]))
     return "\n".join(lines) + "\n"

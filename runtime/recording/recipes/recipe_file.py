@@ -134,8 +134,8 @@ def _facts(part: Any) -> dict[str, Any]:
         value = getattr(part, item.name)
         if item.name == "gear" and isinstance(part, Recipe | Friction):
             continue  # [gear] is a table of its own
-        if value is None or value == item.default:
-            continue
+        if value is None or (value == item.default and value != Friction().columns):
+            continue  # friction columns are stated even where they are the usual ones
         if isinstance(value, ControlLaw):
             facts["torque"] = _facts(value)
         elif dataclasses.is_dataclass(value):

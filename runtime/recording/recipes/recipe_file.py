@@ -123,8 +123,7 @@ def _check_keys(table: dict[str, Any], valid: tuple[str, ...], where: str) -> No
 def recipe_text(recipe: Recipe, *comments: str) -> str:
     """The recipe as TOML, under comments of a line each."""
     lines = [f"# {' '.join(comment.split())}" for comment in comments]
-    gear = {"gear": {"matrix": recipe.gear}} if recipe.gear else {}
-    return "\n".join([*lines, *_table(_facts(recipe) | gear, ())]) + "\n"
+    return "\n".join([*lines, *_table(_facts(recipe), ())]) + "\n"
 
 
 def _facts(part: Any) -> dict[str, Any]:
@@ -132,11 +131,13 @@ def _facts(part: Any) -> dict[str, Any]:
     facts = {}
     for item in dataclasses.fields(part):
         value = getattr(part, item.name)
-        if item.name == "gear" and isinstance(part, Recipe | Friction):
-            continue  # [gear] is a table of its own
+        if item.name == "gear" and isinstance(part, Friction):
+            continue  # that of [gear]
         if value is None or (value == item.default and value != Friction().columns):
             continue  # friction columns are stated even where they are the usual ones
-        if isinstance(value, ControlLaw):
+        if item.name == "gear" and isinstance(part, Recipe):
+            facts["gear"] = {"matrix": value}
+        elif isinstance(value, ControlLaw):
             facts["torque"] = _facts(value)
         elif dataclasses.is_dataclass(value):
             facts[item.name] = _facts(value)

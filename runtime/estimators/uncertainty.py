@@ -225,12 +225,10 @@ def uncertainty_of(
     centre: Array | None = None,
     tests: bool = True,
     gain_sigma: float = 0.0,
-    has_memory: bool = False,
 ) -> Uncertainty:
     """Uncertainty of an identified model, by any method.
 
-    gain_sigma: expected relative σ of every torque gain; has_memory: of friction, whose stroke is
-    then uncertain.
+    gain_sigma: expected relative σ of every torque gain.
     """
     rest = residuals(lib, samples, pi, phi)
     coloured = coloured_noise
@@ -240,7 +238,7 @@ def uncertainty_of(
         coloured = coloured_noise_of(lib, [samples], statistics, weights)
     # C = (AᵀA/S + κ B)⁻¹: A of weighted data with friction eliminated, B of the prior.
     fit = free_fit(lib, samples, weights_from(noise(rest, lib, phi.size), samples.tau))
-    widened = model_error_of(lib, fit, pi, statistics, gain_sigma, has_memory=has_memory)
+    widened = model_error_of(lib, fit, pi, statistics, gain_sigma)
     data, _ = reduce(widened.statistics, samples.equations)
     bodies, prior = bodies_of(lib), prior_about(lib, first_guess, centre)
     inside = bodies.log_det(pi) is not None

@@ -50,7 +50,7 @@ from runtime.identification.several_logs import NamedLog, assemble_logs
 from runtime.library import Array, Library
 from runtime.recording import Friction, Recording
 from runtime.recording.preprocessing.filters import filter_inflation
-from runtime.recording.settings import COLUMNS, has_memory
+from runtime.recording.settings import COLUMNS
 from runtime.recording.streamed import StreamedRecording
 
 PASSES = 30
@@ -289,7 +289,6 @@ def _uncertainty(
         centre=None if prior is None else prior.centre,
         tests=tests,
         gain_sigma=settings.gain_sigma,
-        has_memory=has_memory(problem.friction_names),
     )
     if problem.train.equations < lib.n_joints:  # rows of power have no noise of single joints
         samples = samples_of(assembly.parts[0], lib)

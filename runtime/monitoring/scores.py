@@ -35,6 +35,7 @@ from runtime.estimators.regression.model_error import (
     BLOCK_S,
     FEWEST,
     SHAPES,
+    USUAL_SIZE,
     nuisance_columns,
     torque_ranges,
 )
@@ -60,7 +61,7 @@ USUAL = {
     "warming": 0.05,
     "model": 1.0,
     "posture": 0.5,
-    "shape": 0.003,
+    "shape": USUAL_SIZE,
 }
 """Usual change of a robot between two days, without logs of reference: s; relative; relative to the
 range of the joint; relative. Usual change of bias and friction during a log. Errors of the model,

@@ -20,10 +20,12 @@ Nuisance torque that no column describes: cables, ripple, load, friction that pe
     r = X x + N s + e,   s ~ N(0, Λ),   cov e = S
 
 N are shapes of one joint each, with one λ for those of the posture and one for those of friction.
-They maximise the marginal likelihood of what least squares over X leaves: with N' = N − X X⁺ N and
-G = N'ᵀ N', the scores z = N'ᵀ r have the covariance S G + G Λ G. s is integrated out and not
-exported: the estimate x̂ keeps its value, and its error gains X⁺ N s with s | r ~ N(s̄, C_s),
-C_s⁻¹ = G/S + Λ⁻¹, s̄ = C_s z / S.
+With N' = N − X X⁺ N and G = N'ᵀ N', the scores z = N'ᵀ r of what least squares over X leaves have
+the covariance S G + G Λ G. Where X takes up the shapes of a joint, as a cable within a small range
+is a mass beside the link, z shows no λ: relative to the torque ranges, λ² of all joints is
+exponentially distributed about one square in common, which is 0 or has a prior of its logarithm,
+and λ² is its posterior mean. s is integrated out and not exported: the estimate x̂ keeps its value,
+and its error gains X⁺ N s with s | r ~ N(s̄, C_s), C_s⁻¹ = G/S + Λ⁻¹, s̄ = C_s z / S.
 Source: Kennedy & O'Hagan 2001 for the discrepancy of a model; empirical Bayes for its size.
 
 Score test of columns that a linear fit lacks.
@@ -89,7 +91,7 @@ class FreeFit:
     """Least squares of base parameters and friction without a prior, on evenly spread samples."""
 
     samples: Samples  # the N samples
-    scale: Array  # √w_j that the rows are multiplied by, (n,)
+    scale: Array  # √w_j that the rows are multiplied by, (n,); of every row (N, n)
     root: Array  # R, which makes the weighted rows X an orthonormal basis Q = X R, (n_b + n k, p)
     basis: Array  # Q of the weighted columns, (N n, p)
     predicted: Array  # weighted torque of the fit, (N n,)
@@ -219,32 +221,31 @@ def friction_columns(fit: FreeFit) -> tuple[Array, list[int]]:
 
 SLOW = 0.06
 """Speed at which friction that grows with the load has nearly its whole size [rad/s, m/s]."""
-KINDS = np.array([0, 0, 0, 0, 0, 1, 1, 1, 1])
+KINDS = np.repeat([0, 1], [5, 4])
 """Kind of every shape, each with its λ: 0 of the posture (q, sin q, cos q, sin 2q, cos 2q), 1 of
-friction (load, bend over the speed, peak at low speed; stroke, where friction has a memory)."""
-MOST = 0.02
-"""Largest λ over the range of the joint: q hardly differs from sin q where a joint moves little,
-and would leave both of them open."""
-SHAPES = len(KINDS) - 1
-"""Number of shapes without that of the stroke."""
-SIGNIFICANT = 4.6
-"""Gain of 2 log p from which on a joint has nuisance torque: 5 % of logs that have none."""
+friction (load, bend over the speed, peak at low speed, stroke of the memory)."""
+USUAL_SIZE, DOUBT = 0.003, 1.0
+"""Expected λ in common over the range of the joint, and standard deviation of its logarithm."""
+MOST, STEP = 0.02, 1.6
+"""Largest λ over the range of the joint, and ratio of candidates: q hardly differs from sin q where
+a joint moves little, and would leave both of them open."""
+SIZES = np.concatenate([[0.0], MOST * STEP ** -np.arange(12.0)[::-1]])
+"""Candidates of λ over the range of the joint."""
+SHAPES = len(KINDS)
+"""Number of shapes."""
 QUANTILES = 400
 """Number of candidates of a common λ²: the smallest is a thousandth of the expected one."""
-SCALES = np.concatenate([[0.0], np.logspace(-6, 4, 31)])
-"""Candidates of λ² over the variance with which the noise enters a shape."""
 
 
-def nuisance_columns(
-    lib: Library, pi: Array, samples: Samples, *, has_memory: bool = False
-) -> Array:
+def nuisance_columns(lib: Library, pi: Array, samples: Samples) -> Array:
     """Shapes N of the joints, of size 1, (N, n, shapes): each has rows of its joint alone.
 
     A peak at low speed is over the Dahl state ζ of the path, since reversals within the presliding
     stroke have none. The viscous coefficient of friction that bends is the slope of its best
     line over ζ, dq and 1: the root of the speed is what that line leaves of it. The whole root is
-    nearly the same at low speeds, and would take a peak there for a bend at every speed. Where
-    friction has a memory, its stroke may be half or twice the usual one, which looks like a delay.
+    nearly the same at low speeds, and would take a peak there for a bend at every speed. Friction
+    has a memory, whatever the columns contain, and its stroke may be half or twice the usual one,
+    which looks like a delay.
     """
     q, dq = samples.q, samples.dq
     still = np.zeros_like(q)
@@ -256,8 +257,7 @@ def nuisance_columns(
     each = [q, np.sin(q), np.cos(q), np.sin(2 * q), np.cos(2 * q)]
     each += [load / np.maximum(load.max(axis=0), 1e-12) * np.tanh(dq / SLOW), root]
     each += [zeta * np.exp(-((dq / STRIBECK_SPEED) ** 2))]
-    if has_memory:
-        each += [dahl_state(q, DAHL_STROKE / 2) - dahl_state(q, 2 * DAHL_STROKE)]
+    each += [dahl_state(q, DAHL_STROKE / 2) - dahl_state(q, 2 * DAHL_STROKE)]
     return np.stack(each, axis=2)
 
 
@@ -272,37 +272,33 @@ def torque_ranges(lib: Library, tau: Array) -> Array:
 class NuisanceTorque:
     """Nuisance torque of a free fit."""
 
-    scores: Array  # Qᵀ N λ, in the basis Q of the fit, (p, m); no column without nuisance torque
+    scores: Array  # Qᵀ N λ, in the basis Q of the fit, (p, m)
     # Qᵀ N [C_s^½, s̄] of s | r ~ N(s̄, C_s), which the error of the fit has, (p, m + joints)
     error: Array
     mean: Array  # most probable torque beside the columns of the fit, weighted, (N, n)
 
 
-def nuisance_of(
-    lib: Library, fit: FreeFit, pi: Array, density: float, *, has_memory: bool = False
-) -> NuisanceTorque:
+def nuisance_of(lib: Library, fit: FreeFit, pi: Array, density: float) -> NuisanceTorque:
     """Nuisance torque that the residual of a fit makes likely."""
-    samples, n = fit.samples, fit.scale.size
+    samples, n = fit.samples, fit.scale.shape[-1]
     rest = fit.rest.reshape(len(samples), n)
     mean, kept = np.zeros_like(rest), [np.zeros((fit.basis.shape[1], 0))]
     errors = list(kept)
     if samples.base is not None or samples.equations != lib.n_joints:
         return NuisanceTorque(kept[0], kept[0], mean)
-    columns = nuisance_columns(lib, pi, samples, has_memory=has_memory)
-    shapes = columns * fit.scale[:, None]
-    ranges = torque_ranges(lib, samples.tau)
-    basis = fit.basis.reshape(len(samples), n, -1)
+    columns = nuisance_columns(lib, pi, samples)
+    shapes = np.moveaxis(columns * fit.scale[..., None], 1, 0)
+    basis = np.moveaxis(fit.basis.reshape(len(samples), n, -1), 1, 0)
+    taken, by_row = basis.swapaxes(1, 2) @ shapes, shapes.swapaxes(1, 2)
+    grams = by_row @ shapes - taken.swapaxes(1, 2) @ taken
+    scores = (by_row @ rest.T[..., None])[..., 0]
+    sizes = nuisance_sizes(grams, scores, density, torque_ranges(lib, samples.tau))
     for j in range(n):
-        taken, inner = basis[:, j].T @ shapes[:, j], shapes[:, j].T @ shapes[:, j]
-        gram, z = inner - taken.T @ taken, shapes[:, j].T @ rest[:, j]
-        sizes = likely_sizes(gram, z, density, float(np.trace(inner)))
-        sizes = np.minimum(sizes, MOST * ranges[j])
-        if sizes.any():
-            kept.append(taken * sizes)
-            root, s = size_posterior(gram, z, density, sizes)
-            errors.append(taken @ np.column_stack([root, s]))
-            mean[:, j] += shapes[:, j] @ s
-            mean -= np.einsum("ijk,k->ij", basis, taken @ s)
+        kept.append(taken[j] * sizes[j])
+        root, s = size_posterior(grams[j], scores[j], density, sizes[j])
+        errors.append(taken[j] @ np.column_stack([root, s]))
+        mean[:, j] += shapes[j] @ s
+        mean -= (basis @ (taken[j] @ s)).T
     return NuisanceTorque(np.hstack(kept), np.hstack(errors), mean)
 
 
@@ -342,45 +338,46 @@ def common_size(gram: Array, z: Array, density: float, expected: float) -> float
     return float(expected * np.sqrt(min(weights @ squares / weights.sum(), 1.0)))
 
 
-def likely_sizes(gram: Array, z: Array, density: float, whole: float) -> Array:
-    """λ of every shape by the largest marginal likelihood; 0 where it is not significant.
+def nuisance_sizes(grams: Array, scores: Array, density: float, ranges: Array) -> Array:
+    """√E[λ² | z] of the shapes of all joints, (n, m) [N·m, N].
 
-    whole: trace of NᵀN; shapes of which the fit leaves rounding alone have no λ.
+    Gram matrices (n, m, m), scores (n, m), ranges (n,) [N·m, N] of the joints.
     """
-    kind = KINDS[: len(gram)]
-    if not np.trace(gram) > ROUNDING * whole:
-        return np.zeros(len(gram))
-    unit = density / max(float(np.mean(np.diag(gram))), 1e-300)
+    joints = zip(grams, scores, ranges, strict=True)
+    each = np.array([_likelihoods(g, z, density, SIZES * most) for g, z, most in joints])
+    # Probabilities of the sizes for every size in common, (sizes in common, sizes).
+    edges = np.concatenate([[0.0], np.sqrt(SIZES[1:-1] * SIZES[2:]), [np.inf]])
+    edges = np.insert(edges, 1, SIZES[1] / np.sqrt(STEP))
+    law = np.diff(-np.exp(-((edges / SIZES[1:, None]) ** 2)), axis=1)
+    law = np.vstack([np.eye(1, len(SIZES)), law])  # a robot without nuisance torque has λ = 0
+    squares = law * SIZES**2
+    # (n, sizes in common of posture, of friction)
+    evidence = np.maximum(law @ each @ law.T, np.finfo(float).tiny)
+    usual = np.exp(-0.5 * (np.log(SIZES[1:] / USUAL_SIZE) / DOUBT) ** 2)
+    usual = np.log(np.append(usual.sum(), usual))  # none as probable as some
+    weights = usual[:, None] + usual + np.log(evidence).sum(axis=0)
+    weights = np.exp(weights - weights.max())
+    weights /= weights.sum()
+    means = [squares @ each @ law.T / evidence, law @ each @ squares.T / evidence]
+    sizes = np.sqrt([np.sum(weights * part, axis=(1, 2)) for part in means])
+    return np.asarray((sizes * ranges)[KINDS].T)
+
+
+def _likelihoods(gram: Array, z: Array, density: float, sizes: Array) -> Array:
+    """p(z) over its largest value, of pairs of sizes of the posture and of friction, (k, k)."""
     power, axes = np.linalg.eigh(gram)
+    # Data that are exact to rounding leave a variance that is not singular.
+    density = max(density, ROUNDING * float(sizes[-1] ** 2 * power[-1]))
     is_known = power > 1e-9 * max(float(power[-1]), 1e-300)
     power, axes = power[is_known], axes[:, is_known]
     along = axes.T @ z
     # Variance of Vᵀ z, z = G s + e, in the axes V of G: S P + P Vᵀ Λ V P.
-    kinds = [axes[k == kind] * power for k in (0, 1)]
-    parts = [each.T @ each for each in kinds]
-
-    def likelihood(first: Array, second: Array) -> Array:
-        """−2 log p but for a constant, its sign changed, at pairs of places in SCALES."""
-        one, two = unit * SCALES[first], unit * SCALES[second]
-        variance = one[:, None, None] * parts[0] + two[:, None, None] * parts[1]
-        variance += density * np.diag(power)
-        right = np.broadcast_to(along[:, None], (len(one), len(along), 1))
-        misfit = np.linalg.solve(variance, right)[..., 0]
-        return np.asarray(-misfit @ along - np.linalg.slogdet(variance)[1])
-
-    best, values, places = (0, 0), np.zeros(0), np.concatenate([[0], np.arange(1, len(SCALES), 3)])
-    around = [places, places]
-    for _ in range(2):  # every third place, then all beside the best
-        first, second = (each.ravel() for each in np.meshgrid(*around))
-        seen = likelihood(first, second)
-        values = np.append(values, seen)
-        if seen.max() >= values.max():
-            best = int(first[np.argmax(seen)]), int(second[np.argmax(seen)])
-        last = len(SCALES) - 1
-        around = [np.arange(max(k - 2, 0), min(k + 2, last) + 1) for k in best]
-    if not values.max() - values[0] > SIGNIFICANT:
-        return np.zeros(len(gram))
-    return np.sqrt(unit * SCALES[list(best)])[kind]
+    kinds = [axes[kind == KINDS] * power for kind in (0, 1)]
+    first, second = (np.multiply.outer(sizes**2, each.T @ each) for each in kinds)
+    variance = first[:, None] + second + density * np.diag(power)
+    right = np.broadcast_to(along[:, None], (*variance.shape[:3], 1))
+    misfit = np.linalg.solve(variance, right)[..., 0] @ along + np.linalg.slogdet(variance)[1]
+    return np.asarray(np.exp((misfit.min() - misfit) / 2))
 
 
 BLOCK_S, FEWEST, PER_COLUMN = 2.0, 3, 5
@@ -403,9 +400,8 @@ class ModelError:
 
 
 def model_error_of(
-    lib: Library, fit: FreeFit | None, pi: Array, statistics: Statistics, gain_sigma: float = 0.0,
-    *, has_memory: bool = False,
-) -> ModelError:  # fmt: skip
+    lib: Library, fit: FreeFit | None, pi: Array, statistics: Statistics, gain_sigma: float = 0.0
+) -> ModelError:
     """Error of the model in the information of a fit, from a free fit to some of its samples.
 
     gain_sigma: expected relative σ of every torque gain.
@@ -419,7 +415,7 @@ def model_error_of(
     density = coloured_noise_of_shares(fit.shares, rest, p).density
     if not density > 0:
         return none
-    torque = nuisance_of(lib, fit, pi, density, has_memory=has_memory)
+    torque = nuisance_of(lib, fit, pi, density)
     rest = rest - torque.mean.reshape(count, n)
     spread = scatter(fit.samples, fit.basis, rest, density)
     gains = np.zeros((p, 0))

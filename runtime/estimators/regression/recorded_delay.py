@@ -36,8 +36,8 @@ from scipy.special import chdtri
 
 from runtime.common.tables import significant
 from runtime.errors import IdentificationError
-from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
-from runtime.estimators.regression.model_error import scatter
+from runtime.estimators.regression.coloured_noise import coloured_noise_of_basis
+from runtime.estimators.regression.model_error import FreeFit, nuisance_of, scatter
 from runtime.estimators.regression.posterior import orthonormal
 from runtime.estimators.regression.samples import NORMAL_95, Samples, samples_of
 from runtime.library import Array, Library
@@ -166,7 +166,7 @@ def recorded_delay(
             return weight * (interpolate(t[rows[few]] + delay, t, tau) - model[few])
 
         shown = columns[few] * weight[:, :, None]
-        return _Fit(samples.rows(few), shown, torque, known, weight.sum(axis=0), has_gains)
+        return _Fit(lib, samples.rows(few), shown, torque, known, weight, has_gains)
 
     # A coarse search of the whole range finds the valley, whose width is a quarter of the period.
     width = 0.25 / (preparation.cutoff_hz or CUTOFF_HZ)
@@ -210,16 +210,18 @@ def filtered(recording: Recording, preparation: Preparation) -> Preparation:
 class _Fit:
     """Linear least squares at every delay."""
 
+    lib: Library
     samples: Samples
     rows: Array  # W, (N, n, p)
     torque: Callable[[float], Array]  # τ(t + δ) of a delay, (N, n)
     known: float  # δ that the gain is relative to [s]
-    counts: Array  # number of rows of every joint that are not 0, (n,)
+    used: Array  # 1 in rows that are not 0, (N, n)
     has_gains: bool
 
     def profile(self, delays: Array) -> DelayProfile:
         """Profile of the loss over delays (M,) [s]."""
         n, p = self.rows.shape[1:]
+        counts = self.used.sum(axis=0)
         shifted = np.stack([self.torque(float(delay)) for delay in (*delays, self.known)])
         start = shifted[int(np.argmin(np.abs(delays)))]
         scale = 1.0 / np.maximum(start.std(axis=0), 1e-12 * float(start.std()) + 1e-300)
@@ -230,19 +232,27 @@ class _Fit:
             weighted = self.rows * scale[:, None]
             bases = [(block, orthonormal(weighted[:, block].reshape(-1, p))) for block in blocks]
             rests = self._rest(shifted * scale, bases) / scale
-            variance = np.sum(rests**2, axis=1) / self.counts
+            variance = np.sum(rests**2, axis=1) / counts
             floor = 1e-12 * float(np.mean(start**2)) + 1e-300
             logs = np.log(np.maximum(variance, floor))
-            best = int(np.argmin(logs[:-1] @ self.counts))
+            best = int(np.argmin(logs[:-1] @ counts))
             scale = 1.0 / np.sqrt(np.maximum(variance[best], floor))
-        rest = rests[best] * scale
-        level = coloured_noise_of_rows(self.rows * scale[:, None], rest).inflation
-        slope = (rests[min(best + 1, len(delays) - 1)] - rests[max(best - 1, 0)]) * scale
-        if slope.any():  # the score of δ scatters between blocks
-            slope /= np.linalg.norm(slope)
-            spread = scatter(self.samples, slope.reshape(-1, 1), rest, level)
+        after, before = rests[min(best + 1, len(delays) - 1)], rests[max(best - 1, 0)]
+        basis = orthonormal((self.rows * scale[:, None]).reshape(-1, p))
+        pair = np.stack([rests[best] * scale, (after - before) * scale], axis=-1).reshape(-1, 2)
+        rest, slope = (pair - basis @ (basis.T @ pair)).T
+        shape = shifted[0].shape
+        level = coloured_noise_of_basis(
+            [(basis.reshape(*shape, -1), rest.reshape(shape))], 1
+        ).inflation
+        if slope.any():  # the score of δ scatters between blocks, and contains nuisance torque
+            slope = slope[:, None] / np.linalg.norm(slope)
+            spread = scatter(self.samples, slope, rest.reshape(shape), level)
             level = max(level, float(spread[0, 0]))
-        losses = logs @ self.counts / level / 2
+            beside, none = np.hstack([slope, basis]), np.zeros((0, 0))
+            fit = FreeFit(self.samples, scale * self.used, none, beside, rest, rest, ())
+            level += float(np.sum(nuisance_of(self.lib, fit, self.lib.pi0, level).error[0] ** 2))
+        losses = logs @ counts / level / 2
         loss = losses[:-1] - losses[:-1].min()
         used = (variance[best] > 0) & (variance[-1] > 0)
         ratio = np.log(variance[best, used] / variance[-1, used])

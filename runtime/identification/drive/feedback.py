@@ -189,8 +189,7 @@ def _widening(result: Identification, fit: FreeFit, of_x: Array, density: float)
 
     of_x X (m, p), of noise of the density S.
     """
-    memory = has_memory(result.friction.columns)
-    nuisance = nuisance_of(result.lib, fit, result.pi, density, has_memory=memory)
+    nuisance = nuisance_of(result.lib, fit, result.pi, density)
     lengths = np.linalg.norm(of_x, axis=1)
     along = of_x / np.maximum(lengths, 1e-300)[:, None]
     rest = (fit.rest - nuisance.mean.ravel()).reshape(nuisance.mean.shape)

@@ -323,7 +323,7 @@ def test_thinned_rows_end_within_a_deviation(monkeypatch: pytest.MonkeyPatch) ->
     assert x[0] == pytest.approx(1.0, abs=0.005)
 
 
-def test_the_joint_with_the_least_noise_determines_the_delay() -> None:
+def test_the_joint_with_the_least_noise_determines_the_delay(double: Library) -> None:
     """Oracle: σ² = s² / Σ ẇ² of a torque w that is known up to its size, s the noise of that joint.
 
     The size is that of both joints; by the noise of the other one, of 0.5, its torque alone would
@@ -342,7 +342,7 @@ def test_the_joint_with_the_least_noise_determines_the_delay() -> None:
     samples = Samples(
         rows[..., 0], rate[:, None] * np.ones(2), None, 0 * noise, np.zeros((2000, 2, 0))
     )
-    fit = _Fit(samples, rows, torque, 0.0, np.full(2, 2000.0), True)
+    fit = _Fit(double, samples, rows, torque, 0.0, np.ones((2000, 2)), True)
     profile = fit.profile(late + expected * np.linspace(-8, 8, 81))
     assert abs(profile.best - late) < 4 * expected
     assert profile.sigma == pytest.approx(expected, rel=0.3)

@@ -29,7 +29,7 @@ torque.
 """
 
 import shlex
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -189,11 +189,7 @@ _CAUSE_OF_SIGN = (
 
 def negated(plan: Recipe) -> Recipe:
     """The recipe with the opposite sign of τ."""
-    if plan.torque is None:
-        return plan
-    before = np.atleast_1d(np.asarray(plan.torque.sign, dtype=float))
-    sign = tuple(float(-s) for s in before) if before.size > 1 else float(-before[0])
-    return plan.replace(torque=replace(plan.torque, sign=sign))
+    return plan if plan.torque is None else plan.replace(torque=plan.torque.negated)
 
 
 def _gravity_reversed(lib: Library, comparison: str, facts: dict) -> Finding:

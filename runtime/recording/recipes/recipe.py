@@ -142,6 +142,15 @@ class Signal:
         return replace(self, sign=sign, offset=offset if any(offset) else 0.0)
 
     @property
+    def negated(self) -> "Signal":
+        """The signal with the opposite sign."""
+        sign, offset = (
+            tuple(0.0 - x for x in each) if isinstance(each, tuple) else 0.0 - each
+            for each in (self.sign, self.offset)
+        )
+        return replace(self, sign=sign, offset=offset)
+
+    @property
     def units(self) -> tuple[str, ...]:
         """The unit of all joints, or one per joint."""
         return (self.unit,) if isinstance(self.unit, str) else self.unit

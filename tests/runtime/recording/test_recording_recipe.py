@@ -139,3 +139,14 @@ def test_changed_published_file_is_told(tmp_path):
     table = {"name": "x", "source": {"sha256": {"log.csv": "0" * 64}}}
     recording = read_recording(path, recipe_from_table(table))
     assert "not the published file that recipe 'x' pins" in recording.history[-1]
+
+
+def test_a_negated_signal_has_the_opposite_offset(tmp_path):
+    """Oracle: τ with signs and offsets, times −1; offsets are added after the sign."""
+    folder = raw_folder(tmp_path)
+    for words in ({"sign": [1, -1], "offset": [0.5, 0.0]}, {"offset": -2.0}, {"sign": -1}):
+        recipe = gear_recipe(**words)
+        assert recipe.torque is not None
+        turned = recipe.replace(torque=recipe.torque.negated)
+        seen, opposite = (read_recording(folder, each).tau for each in (recipe, turned))
+        assert np.array_equal(opposite, -seen)

@@ -13,11 +13,12 @@ from runtime.estimators.optimizers import AdamOptions, StoppingRule
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.samples import samples_of, thesis_weights
 from runtime.experiments import IDS, STUDIES, Request, reproduce, state_of, valid_result
-from runtime.experiments.report.drawing import write_picture
+from runtime.experiments.report.drawing import draw
 from runtime.experiments.report.reading import read_experiment
 from runtime.experiments.storage import read_series
 from runtime.experiments.trials import fit_frozen
 from runtime.library import Library
+from runtime.outputs.report.canvas import picture
 from runtime.recording import Recording
 from tests.runtime import small
 from tests.runtime.conftest import Command
@@ -135,7 +136,8 @@ def test_every_method_of_the_virtual_robot_is_drawn(done: Path, tmp_path: Path) 
     experiment = read_experiment(done / "bench")
     assert len(experiment.methods) > 7
     for view in (v for v in experiment.views if v.kind == "bars"):
-        write_picture(experiment, view, tmp_path / f"{view.id}.png", (5.6, 3.4), 40)
+        with picture(tmp_path / f"{view.id}.png", (5.6, 3.4), 40) as figure:
+            draw(figure, experiment, view)
         assert (tmp_path / f"{view.id}.png").stat().st_size > 1000
 
 

@@ -232,9 +232,6 @@ unsigned ${robot}_observer_update(${robot}_observer *o, const double q[N], const
             double f[3] = {1.0, viscous, friction_torque(j, mean[N + j], o->z[j]) - viscous
                                              - offset[j]};
             o->r[j] = DECAY * o->r[j] + (1 - DECAY) * w;
-            if (direct[j]) {
-                o->r[j] = 0.0;
-            }
             if (o->means >= FIRST) { /* r of all joints is known */
                 if (direct[j]) {
                     o->r[j] = (p[j] - past[j]) * (RATE / OVER) - (tau[j] + force[j]);

@@ -189,7 +189,7 @@ _CAUSE_OF_SIGN = (
 
 def negated(plan: Recipe) -> Recipe:
     """The recipe with the opposite sign of τ."""
-    return plan if plan.torque is None else plan.replace(torque=plan.torque.negated)
+    return plan if plan.torque is None else plan.replace(torque=plan.torque.signed(-1.0))
 
 
 def _gravity_reversed(lib: Library, comparison: str, facts: dict) -> Finding:

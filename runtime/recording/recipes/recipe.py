@@ -21,6 +21,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from math import isfinite, pi
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from runtime.errors import RecordingError
 from runtime.recording.settings import Friction, Preparation, Split, one_of, positive
 
@@ -132,23 +135,11 @@ class Signal:
         order = tuple(self.order[k] if self.order else int(k) for k in places)
         return replace(self, order=order)
 
-    def signed(self, signs: Iterable[float]) -> "Signal":
+    def signed(self, signs: ArrayLike) -> "Signal":
         """The signal with further signs; offsets are added after the sign and change theirs."""
-        factors = [float(sign) for sign in signs]
-        sign, offset = (
-            tuple((each[j] if isinstance(each, tuple) else each) * x for j, x in enumerate(factors))
-            for each in (self.sign, self.offset)
-        )
-        return replace(self, sign=sign, offset=offset if any(offset) else 0.0)
-
-    @property
-    def negated(self) -> "Signal":
-        """The signal with the opposite sign."""
-        sign, offset = (
-            tuple(0.0 - x for x in each) if isinstance(each, tuple) else 0.0 - each
-            for each in (self.sign, self.offset)
-        )
-        return replace(self, sign=sign, offset=offset)
+        products = [(np.multiply(each, signs) + 0.0).tolist() for each in (self.sign, self.offset)]
+        sign, offset = (tuple(each) if isinstance(each, list) else each for each in products)
+        return replace(self, sign=sign, offset=offset if np.any(offset) else 0.0)
 
     @property
     def units(self) -> tuple[str, ...]:

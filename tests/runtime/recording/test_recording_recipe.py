@@ -147,6 +147,6 @@ def test_a_negated_signal_has_the_opposite_offset(tmp_path):
     for words in ({"sign": [1, -1], "offset": [0.5, 0.0]}, {"offset": -2.0}, {"sign": -1}):
         recipe = gear_recipe(**words)
         assert recipe.torque is not None
-        turned = recipe.replace(torque=recipe.torque.negated)
+        turned = recipe.replace(torque=recipe.torque.signed(-1.0))
         seen, opposite = (read_recording(folder, each).tau for each in (recipe, turned))
         assert np.array_equal(opposite, -seen)

@@ -22,7 +22,7 @@ import msgspec
 import numpy as np
 from scipy.optimize import minimize
 
-from runtime.common.tables import NOTHING, Table, number, percent
+from runtime.common.tables import NOTHING, Table, number, percent, significant
 from runtime.errors import RecordingError, SimulationError
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification import metrics
@@ -36,12 +36,13 @@ from runtime.recording import Preparation, Recording
 from runtime.recording.commanded_torque import per_joint
 from runtime.recording.consistency import require_plausible
 from runtime.recording.preprocessing import is_filtered, prepare
+from runtime.recording.rest_speeds import still_travels
 from runtime.recording.row_marks import SAME
 from runtime.recording.settings import COLUMNS
 from runtime.simulation.commanded_motion import ServoDrive, commanded_motion
 
 FIRST = 5
-"""Rows whose slope is the first velocity, where none was measured."""
+"""Rows whose slope is the first velocity, where none was measured, and of a joint at rest."""
 MOST_SECONDS = 300.0
 """Length of the part that is predicted [s]."""
 
@@ -98,6 +99,13 @@ def position_errors(
     )
     parts = saved.record.drive
     zero = np.array([part.encoder_bias or 0.0 for part in parts]) if parts else np.zeros(n)
+    place = recording.q[0] + zero
+    weight = lib.inverse_dynamics(place, 0 * place, 0 * place, saved.pi) + lib.known_torque(place)
+    push = moved[0] - stiffness * recording.q[0] - drive.offset
+    rests = np.ptp(recording.q[:FIRST], axis=0) <= still_travels(lib)
+    # Dry friction holds a joint that rests in the first rows.
+    held = np.flatnonzero(rests & (np.abs(push - weight) > drive.dry))
+    drive.dry[held] = np.abs(push - weight)[held]
     slope = np.polyfit(t[:FIRST] - t[0], recording.q[:FIRST], 1)[0]
     first = recording.q[0], slope if recording.dq is None else recording.dq[0]
     try:
@@ -110,8 +118,16 @@ def position_errors(
         seconds=float(np.ptp(t[rows])),
     )
     left = [name for name in columns if not (COLUMNS[name].model_term or COLUMNS[name].is_constant)]
-    note = f"positions are predicted without the friction columns {', '.join(left)}"
-    return errors, (note,) if left else ()
+    notes = []
+    if held.size:
+        sizes = (f"{lib.joint_names[j]} {significant(drive.dry[j])}" for j in held)
+        notes.append(
+            "positions are predicted with more dry friction than was identified, since it holds "
+            f"joints at rest in the first rows: {', '.join(sizes)} [N·m, N]"
+        )
+    if left:
+        notes.append(f"positions are predicted without the friction columns {', '.join(left)}")
+    return errors, tuple(notes)
 
 
 def _rms(error: Array) -> tuple[float, ...]:

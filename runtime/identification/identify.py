@@ -310,9 +310,9 @@ def with_drives(data: Sequence[PreparedLog], lib: Library, settings: Settings) -
     is_named = stated or (recipe is not None and recipe.friction is not None)
     if is_named or terms is None or first.preparation is None or not first.is_commanded:
         return ready
-    seen = before_test(first.recording, first.split)
+    seen = [(before_test(log.recording, log.split), log.steps) for log in ready if log.is_commanded]
     late = settings.delay in {AUTO, PER_JOINT}
-    terms, sentence = with_dry_friction(seen, lib, first.preparation, terms, late)
+    terms, sentence = with_dry_friction(seen, lib, terms, late)
     notes = (*first.notes, sentence) if sentence else first.notes
     return [replace(first, friction=terms, notes=notes), *ready[1:]]
 

@@ -30,6 +30,7 @@ from runtime.recording.consistency import require_joints
 from runtime.recording.coupled_joints import independent_joints, renamed_joints
 from runtime.recording.formats import format_of_suffix
 from runtime.recording.formats.text_tables import numbers_in
+from runtime.recording.friction.model import DRIVE
 from runtime.recording.log_files import LogFiles
 from runtime.recording.notebook import Framed
 from runtime.recording.reader import Raw, locate, read_raw, recording_of
@@ -236,9 +237,9 @@ def _of_file(raw: Raw) -> list[Finding]:
 
 
 def _completed(plan: Recipe, lib: Library) -> Recipe:
-    """The plan with the robot's name; usual friction columns are left to cross-validation."""
+    """The plan with the robot's name; usual friction columns are left to `identify`."""
     friction = plan.friction or proposed_terms(plan)
-    if plan.friction is None and friction == Friction():
+    if plan.friction is None and friction in {Friction(), Friction(DRIVE)}:
         return plan.replace(robot=lib.name)
     return plan.replace(robot=lib.name, friction=replace(friction, gear=()))
 

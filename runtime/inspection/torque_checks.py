@@ -168,7 +168,7 @@ def check_commanded(checks: CheckRun, lib: Library) -> None:
             terms = drives.friction_of(checks.recording, lib, checks.plan)
             checks.run(lambda r, p: drives.delay(r, lib, p, terms))
             checks.findings += drives.rotor(checks.recording, lib, checks.plan, terms)
-            if checks.plan.friction is None:
+            if checks.plan.friction is None and terms != Friction(DRIVE):
                 checks.plan = checks.plan.replace(friction=terms)
         checks.findings += _placeholders(lib)
         usual = drives.filtered(checks.recording, checks.plan.preparation)

@@ -359,40 +359,57 @@ def _trial(whole: Recording, lib: Library, terms: Friction, late: bool) -> _Tria
 
 
 def with_dry_friction(
-    recording: Recording, lib: Library, preparation: Preparation, terms: Friction, late: bool
+    logs: Sequence[tuple[Recording, Preparation]], lib: Library, terms: Friction, late: bool
 ) -> tuple[Friction, str]:
-    """Friction terms of a commanded torque for which no command names any."""
-    if recording.torque_source != COMMANDED or DRY not in terms.columns:
+    """Friction terms of commanded torques for which no command names any, common to the logs."""
+    if DRY not in terms.columns:
         return terms, ""
-    known = None if late else preparation.torque_delay_s
-    usual = replace(filtered(recording, preparation), torque_delay_s=known)
-    more = replace(terms, columns=(*terms.columns, ALONG))
-    others = [Friction((MEMORY, ALONG), dahl_stroke=stroke) for stroke in STROKES]
-    trial = _trial(prepare(recording, usual, more, *others, lib=lib), lib, terms, late)
-    if trial is None:
+    trials = list[_Trial]()
+    for recording, preparation in logs:
+        known = None if late else preparation.torque_delay_s
+        usual = replace(filtered(recording, preparation), torque_delay_s=known)
+        more = replace(terms, columns=(*terms.columns, ALONG))
+        others = [Friction((MEMORY, ALONG), dahl_stroke=stroke) for stroke in STROKES]
+        trial = _trial(prepare(recording, usual, more, *others, lib=lib), lib, terms, late)
+        if trial is not None:
+            trials.append(trial)
+    if not trials:
         return terms, ""
-    # Simplest first: a further column has to pay at the delay that the simplest model has.
-    simplest = trial.losses(None, False)
-    at, no_memory = int(simplest.argmin()), trial.losses(None, True)
-    memory = {each: [trial.losses(k, each) for k in range(len(STROKES))] for each in (False, True)}
+    # Simplest first: a further column has to pay at the delays that the simplest model has.
+    simplest = [trial.losses(None, False) for trial in trials]
+    at = [int(loss.argmin()) for loss in simplest]
+    share = np.array([len(trial.columns) for trial in trials], dtype=float)
+    share /= share.sum()
+
+    def loss_at(losses: Sequence[Array], places: Sequence[int]) -> float:
+        return float(sum(w * loss[k] for w, loss, k in zip(share, losses, places, strict=True)))
+
+    no_memory = [trial.losses(None, True) for trial in trials]
+    memory = {
+        each: [[trial.losses(k, each) for trial in trials] for k in range(len(STROKES))]
+        for each in (False, True)
+    }
     candidates = [
-        (simplest[at], False, False),
-        (no_memory[at], False, True),
-        *((min(loss[at] for loss in memory[each]), True, each) for each in (False, True)),
+        (loss_at(simplest, at), False, False),
+        (loss_at(no_memory, at), False, True),
+        *((min(loss_at(loss, at) for loss in memory[each]), True, each) for each in (False, True)),
     ]
     enough = min(loss for loss, *_ in candidates) - np.log(1 - LEAST_GAIN)
     least, has_memory, has_position = next(each for each in candidates if each[0] <= enough)
     if not has_memory and not has_position:
         return terms, ""
     chosen, stroke = terms, None
-    if has_memory:  # its stroke and the delay that is best with it
-        best = [float(loss.min()) for loss in memory[has_position]]
+    if has_memory:  # its stroke and the delays that are best with it
+        best = [
+            loss_at(losses, [int(loss.argmin()) for loss in losses])
+            for losses in memory[has_position]
+        ]
         least, stroke = min(best), float(f"{minimum_on_grid(STROKES, best):.3g}")
         names = tuple(MEMORY if name == DRY else name for name in terms.columns)
         chosen = replace(terms, columns=names, dahl_stroke=stroke)
     if has_position:
         chosen = replace(chosen, columns=(*chosen.columns, ALONG))
-    fall = 100 * (1 - np.exp((least - simplest[at]) / 2))
+    fall = 100 * (1 - np.exp((least - candidates[0][0]) / 2))
     kinds = [f"has a memory of {stroke:.2g} rad of travel (column dahl)"] if stroke else []
     kinds += ["changes with the position (column position)"] * has_position
     return chosen, (

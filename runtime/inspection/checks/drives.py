@@ -106,7 +106,7 @@ def friction_of(recording: Recording, lib: Library, plan: Recipe) -> Friction:
     written = plan.friction
     if written is not None and ROTOR.name in written.columns:
         return written
-    return with_dry_friction(recording, lib, plan.preparation, Friction(DRIVE), late=True)[0]
+    return with_dry_friction([(recording, plan.preparation)], lib, Friction(DRIVE), late=True)[0]
 
 
 def _delay(seen: DelayProfile, of: str, remedy: str) -> tuple[Finding, str]:

@@ -159,3 +159,15 @@ def test_evaluate_states_errors_of_positions(
     assert (np.array(errors.predicted) < 0.2 * np.array(errors.commanded)).all()
     ran = command("evaluate", "out", log, "--robot", lib.folder)
     assert "positions predicted from the commands alone" in ran.out
+    # A joint that rests in the first rows at 1.5 times its dry friction is held where it is.
+    t, wanted, q = simulated
+    still = np.zeros(lib.n_joints)
+    push = lib.inverse_dynamics(q[0], still, still, lib.pi0) + 1.5 * drive_of(lib.n_joints).dry
+    rests = np.minimum(t, 1.0)[:, None] * (q[200] - q[0]) * (np.arange(lib.n_joints) == 6)
+    arrays = {"t": t, "q": q[0] + rests, "dq": np.gradient(rests, t, axis=0)}
+    np.savez(tmp_path / "rests.npz", **arrays, q_des=q[0] + push / KP + rests, kp=KP, kd=KD)
+    done = evaluate(tmp_path / "out", tmp_path / "rests.npz", lib)
+    assert done.position_errors is not None
+    # Half of the dry friction over kp, 1.7 mrad, is where they would go; the wrist shakes by 2e-5.
+    assert max(done.position_errors.predicted[:4]) < 1e-4
+    assert any("joints at rest in the first rows: fr3_joint1" in note for note in done.notes)

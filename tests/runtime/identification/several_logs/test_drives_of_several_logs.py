@@ -1,4 +1,4 @@
-"""Several logs of a commanded torque: their ends, and the dry friction of the first."""
+"""Several logs of a commanded torque: their ends, and the dry friction that they have in common."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +16,7 @@ from tests.runtime.servo_logs import dry_servo_log, random_servo, servo_arrays
 PREPARATION = Preparation(filter="butterworth", cutoff_hz=10.0)
 
 
-def test_friction_is_chosen_on_the_first_log(tiny_built: Path, tmp_path: Path) -> None:
+def test_named_friction_and_measured_torques_stay(tiny_built: Path, tmp_path: Path) -> None:
     """Property: columns that are named stay, and a measured torque is left as it was."""
     lib = load(tiny_built)
     log, _ = dry_servo_log(lib, tmp_path, memory=True, slope=0.0)
@@ -32,6 +32,17 @@ def test_friction_is_chosen_on_the_first_log(tiny_built: Path, tmp_path: Path) -
     assert with_drives([usual, usual], lib, named)[0].friction == Friction(DRIVE)
     for left in (replace(usual, is_at_rest=True), replace(usual, recording=measured(log))):
         assert with_drives([left, left], lib, Settings()) == [left, left]
+
+
+def test_friction_is_chosen_on_all_logs(tiny_built: Path, tmp_path: Path) -> None:
+    """Property: a first log in which a memory does not show is not the only one that counts."""
+    lib = load(tiny_built)
+    logs = [dry_servo_log(lib, tmp_path, memory=each, slope=0.0)[0] for each in (False, True)]
+    plain, other = (PreparedLog(each, PREPARATION, None, Friction(DRIVE)) for each in logs)
+    chosen = with_drives([plain, other, other], lib, Settings())[0].friction
+    assert chosen is not None
+    assert chosen.columns == ("viscous", "dahl", "offset", "rotor")
+    assert with_drives([plain, plain], lib, Settings())[0].friction == Friction(DRIVE)
 
 
 def test_all_logs_tell_the_encoder_biases(tiny_built: Path, tmp_path: Path) -> None:

@@ -63,7 +63,7 @@ def test_mujoco_moves_the_same(lib: Library, simulated: tuple[Array, Array, Arra
 
     The step of 10 ms delays by half of it what moves at .7 rad/s, 3 mrad; MuJoCo's friction creeps.
     """
-    t, wanted, q = simulated
+    t, _, q = simulated
     drive = drive_of(lib.n_joints)
     command, zero = KP * delayed(t, t, wanted), np.zeros(lib.n_joints)
     path = commanded_motion(lib, lib.pi0, drive, t, command, at_rest(q[0]), zero)
@@ -116,7 +116,7 @@ def test_friction_holds_and_gravity_bends(lib: Library) -> None:
 
 def log_of(simulated: tuple[Array, Array, Array], folder: Path, **gains: Array) -> Path:
     """NPZ of the log, with or without gains."""
-    t, wanted, q = simulated
+    t, _, q = simulated
     speed = np.gradient(q, t, axis=0)
     np.savez(folder / "servo.npz", t=t, q=q, dq=speed, q_des=wanted, **gains)
     return folder / "servo.npz"
@@ -160,7 +160,7 @@ def test_evaluate_states_errors_of_positions(
     ran = command("evaluate", "out", log, "--robot", lib.folder)
     assert "positions predicted from the commands alone" in ran.out
     # A joint that rests in the first rows at 1.5 times its dry friction is held where it is.
-    t, wanted, q = simulated
+    t, _, q = simulated
     still = np.zeros(lib.n_joints)
     push = lib.inverse_dynamics(q[0], still, still, lib.pi0) + 1.5 * drive_of(lib.n_joints).dry
     rests = np.minimum(t, 1.0)[:, None] * (q[200] - q[0]) * (np.arange(lib.n_joints) == 6)

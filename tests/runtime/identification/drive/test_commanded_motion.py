@@ -63,7 +63,7 @@ def test_mujoco_moves_the_same(lib: Library, simulated: tuple[Array, Array, Arra
 
     The step of 10 ms delays by half of it what moves at .7 rad/s, 3 mrad; MuJoCo's friction creeps.
     """
-    t, _, q = simulated
+    t, wanted, q = simulated
     drive = drive_of(lib.n_joints)
     command, zero = KP * delayed(t, t, wanted), np.zeros(lib.n_joints)
     path = commanded_motion(lib, lib.pi0, drive, t, command, at_rest(q[0]), zero)
@@ -116,7 +116,7 @@ def test_friction_holds_and_gravity_bends(lib: Library) -> None:
 
 def log_of(simulated: tuple[Array, Array, Array], folder: Path, **gains: Array) -> Path:
     """NPZ of the log, with or without gains."""
-    t, _, q = simulated
+    t, wanted, q = simulated
     speed = np.gradient(q, t, axis=0)
     np.savez(folder / "servo.npz", t=t, q=q, dq=speed, q_des=wanted, **gains)
     return folder / "servo.npz"

@@ -53,7 +53,8 @@ def answer_of(module: str, job: Mapping[str, Any], limits: Limits) -> dict[str, 
             stderr=subprocess.DEVNULL,
             timeout=limits.patience,
             check=False,
-            env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},  # each thread reserves address space
+            # Each thread of BLAS reserves address space; MuJoCo need not look for a display.
+            env=os.environ | {"OPENBLAS_NUM_THREADS": "1", "MUJOCO_GL": "disable"},
         )
     except subprocess.TimeoutExpired:
         raise ExceededError(f"{limits.patience:g} s") from None

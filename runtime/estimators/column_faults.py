@@ -94,8 +94,9 @@ def column_faults(lib: Library, samples: Samples) -> ColumnFaults:
     first = table.left()
     named: list[ColumnFault] = []
     rivals: list[tuple[ColumnFault, ...]] = []
+    faults = table.faults()
     while len(named) < MOST:
-        ranked = sorted(table.faults(), key=lambda fault: -fault.evidence)
+        ranked = sorted(faults, key=lambda fault: -fault.evidence)
         ranked = [each for each in ranked if each.evidence >= EVIDENCE]
         # What a fault explains best whose joints remain unexplained accuses no other joint.
         near = max(ALIKE, NEAR * ranked[0].evidence) if ranked else 0.0
@@ -104,13 +105,14 @@ def column_faults(lib: Library, samples: Samples) -> ColumnFaults:
         if not ranked:
             break
         best, table = ranked[0], table.without(ranked[0])
+        faults = table.faults()
         named.append(best)
         alike = [each for each in ranked[1:] if each.evidence > best.evidence - ALIKE]
         rivals.append(tuple(each for each in alike if each.joints == best.joints))
         if best.kind in {REVERSED, GRAVITY}:
             break
     # Undoing a fault f gains E_f; planting it loses as much.
-    hidden = tuple(each for each in table.faults() if each.evidence > -EVIDENCE)
+    hidden = tuple(each for each in faults if each.evidence > -EVIDENCE)
     return ColumnFaults(tuple(named), tuple(rivals), hidden, np.array([first, table.left()]))
 
 

@@ -48,6 +48,7 @@ class CheckRun:
         self._raw, self.plan, self.findings = raw, plan, findings
         self.has_gains = has_gains
         self.recording = recording_of(replace(raw, plan=plan))
+        self._prepared: tuple[Recording, Preparation, Friction, TorqueRows] | None = None
 
     def run(self, check: Callable[[Recording, Recipe], tuple[Recipe, list[Finding]]]) -> None:
         """Run a check, and read the log again where it changes the plan."""
@@ -68,9 +69,12 @@ class CheckRun:
         self.run(lambda _, plan: check(torque_rows, plan))
 
     def torque_rows(self, lib: Library, terms: Friction) -> TorqueRows:
-        """Prepared rows of the recording, read with the plan so far."""
-        usual = rough(self.recording, self.plan.preparation)
-        return torque_rows_of(self.recording, lib, usual, terms)
+        """Prepared rows of the recording, read with the plan so far; most checks change nothing."""
+        usual, last = rough(self.recording, self.plan.preparation), self._prepared
+        if last is None or last[0] is not self.recording or last[1:3] != (usual, terms):
+            rows = torque_rows_of(self.recording, lib, usual, terms)
+            last = self._prepared = (self.recording, usual, terms, rows)
+        return last[3]
 
 
 def check_torque(checks: CheckRun, lib: Library, propose: bool) -> None:

@@ -12,8 +12,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from runtime.common.child import serve
-from symgen.sources.compiled_mjcf import rotation_of
+from runtime.common.child import serve  # and nothing of symgen: it would load pinocchio
 
 _MISSING = "Error opening file"
 
@@ -73,7 +72,9 @@ def _body(body: Any) -> dict[str, Any]:
         xx, yy, zz, xy, xz, yz = full
         tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     else:
-        rotation = rotation_of(body.iquat)
+        turn = np.zeros(9)
+        mujoco.mju_quat2Mat(turn, np.array(body.iquat, dtype=float))
+        rotation = turn.reshape(3, 3)
         tensor = rotation @ np.diag(body.inertia) @ rotation.T
     com = np.array(body.ipos, dtype=float)
     com = np.where(np.isfinite(com), com, 0.0)

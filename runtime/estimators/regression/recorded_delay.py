@@ -173,8 +173,9 @@ def recorded_delay(
     width = STEP_S * float(np.ceil(max(width, 4 / recording.rate_hz) / STEP_S))
     if not commanded:
         tried = np.linspace(first, last, round(2 * (last - first) / width) + 1)
-        coarse = fit_of(max(1, len(rows) // COARSE_ROWS)).profile(tried)
-        first, last = max(first, coarse.best - 2 * width), min(last, coarse.best + 2 * width)
+        solved = fit_of(max(1, len(rows) // COARSE_ROWS)).solved(tried)
+        coarse = vertex(tried, solved.losses[:-1], solved.best)
+        first, last = max(first, coarse - 2 * width), min(last, coarse + 2 * width)
     steps = range(round(first / STEP_S), round(last / STEP_S) + 1)
     delays = np.array([STEP_S * k for k in steps])
     return replace(fit_of(1).profile(delays), sign=sign_of_delay(recording))
@@ -207,6 +208,17 @@ def filtered(recording: Recording, preparation: Preparation) -> Preparation:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class _Solved:
+    """Least squares at M delays, and in the last row at the delay that the gain is relative to."""
+
+    best: int  # index of the lowest loss
+    rests: Array  # residuals, (M + 1, N, n) [N·m, N]
+    variance: Array  # s_j², (M + 1, n)
+    losses: Array  # Σ_j N_j ln s_j², (M + 1,)
+    scale: Array  # 1 / s_j at the best delay, (n,)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
     """Linear least squares at every delay."""
 
@@ -218,8 +230,8 @@ class _Fit:
     used: Array  # 1 in rows that are not 0, (N, n)
     has_gains: bool
 
-    def profile(self, delays: Array) -> DelayProfile:
-        """Profile of the loss over delays (M,) [s]."""
+    def solved(self, delays: Array) -> "_Solved":
+        """Residuals and losses at delays (M,) and at the known one [s]."""
         n, p = self.rows.shape[1:]
         counts = self.used.sum(axis=0)
         shifted = np.stack([self.torque(float(delay)) for delay in (*delays, self.known)])
@@ -237,11 +249,17 @@ class _Fit:
             logs = np.log(np.maximum(variance, floor))
             best = int(np.argmin(logs[:-1] @ counts))
             scale = 1.0 / np.sqrt(np.maximum(variance[best], floor))
+        return _Solved(best, rests, variance, logs @ counts, scale)
+
+    def profile(self, delays: Array) -> DelayProfile:
+        """Profile of the loss over delays (M,) [s]."""
+        solved = self.solved(delays)
+        best, rests, variance, scale = solved.best, solved.rests, solved.variance, solved.scale
         after, before = rests[min(best + 1, len(delays) - 1)], rests[max(best - 1, 0)]
-        basis = orthonormal((self.rows * scale[:, None]).reshape(-1, p))
+        basis = orthonormal((self.rows * scale[:, None]).reshape(-1, self.rows.shape[2]))
         pair = np.stack([rests[best] * scale, (after - before) * scale], axis=-1).reshape(-1, 2)
         rest, slope = (pair - basis @ (basis.T @ pair)).T
-        shape = shifted[0].shape
+        shape = rests[best].shape
         level = coloured_noise_of_basis(
             [(basis.reshape(*shape, -1), rest.reshape(shape))], 1
         ).inflation
@@ -252,7 +270,7 @@ class _Fit:
             beside, none = np.hstack([slope, basis]), np.zeros((0, 0))
             fit = FreeFit(self.samples, scale * self.used, none, beside, rest, rest, ())
             level += float(np.sum(nuisance_of(self.lib, fit, self.lib.pi0, level).error[0] ** 2))
-        losses = logs @ counts / level / 2
+        losses = solved.losses / level / 2
         loss = losses[:-1] - losses[:-1].min()
         used = (variance[best] > 0) & (variance[-1] > 0)
         ratio = np.log(variance[best, used] / variance[-1, used])

@@ -15,6 +15,7 @@ and more in 96 of 100 logs.
 Source: Box 1980 for the prior predictive test; the release of single links is this project's.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -209,9 +210,17 @@ def model_tests(
     pi: Array,
     *,
     is_of_type: bool = False,
+    delay: Callable[[], tuple[float, float] | None] | None = None,
 ) -> ModelTests:
-    """Test data, prior and result against each other."""
+    """Test data, prior and result against each other.
+
+    delay: δ and its σ [s] by the profile of the log, None where the log does not determine them;
+    it is asked for where a delay is named.
+    """
     causes = Causes() if fit is None else causes_of(lib, fit, pi)
+    if delay is not None and any(each.kind == DELAY for each in causes.named):
+        found = delay()
+        causes = causes if found is None else causes.with_delay(*found)
     friction = None if fit is None else friction_test(fit)
     test = prior_test(lib, data, prior, kappa, density)
     rest = data.factor @ pi - data.target
@@ -267,11 +276,11 @@ def _words(lib: Library, cause: Cause) -> str:
     unit, size = torque_units(lib.manifest)[cause.joint], cause.size
     angle, scale = ("mm", 1e3) if unit == "N" else ("°", 180 / np.pi)
     side = "late" if size > 0 else "early"
+    late = f"{1e3 * abs(size):.1f} ± {1e3 * cause.sigma:.2g} ms " if cause.is_measured else ""
     return {
         GAIN: f"a torque gain of {1 + size:.3f} ± {cause.sigma:.1g} at {name}, relative to the "
         "other joints",
-        DELAY: f"a torque that is stamped {1e3 * abs(size):.2g} ± {1e3 * cause.sigma:.1g} ms too "
-        f"{side} for the motion",
+        DELAY: f"a torque that is stamped {late}too {side} for the motion",
         ZERO: f"an encoder of {name} that reads {scale * size:.2g} ± {scale * cause.sigma:.1g} "
         f"{angle} too much",
         TILT: f"a base that is tilted by {np.degrees(size):.2g} ± {np.degrees(cause.sigma):.1g}°",

@@ -225,10 +225,11 @@ def uncertainty_of(
     centre: Array | None = None,
     tests: bool = True,
     gain_sigma: float = 0.0,
+    delay: Callable[[], tuple[float, float] | None] | None = None,
 ) -> Uncertainty:
     """Uncertainty of an identified model, by any method.
 
-    gain_sigma: expected relative σ of every torque gain.
+    gain_sigma: expected relative σ of every torque gain. delay: as `model_tests` takes it.
     """
     rest = residuals(lib, samples, pi, phi)
     coloured = coloured_noise
@@ -256,7 +257,7 @@ def uncertainty_of(
     outcome = ModelTests()
     if tests:
         outcome = model_tests(
-            lib, fit, data, prior, kappa, level, pi, is_of_type=centre is not None
+            lib, fit, data, prior, kappa, level, pi, is_of_type=centre is not None, delay=delay
         )
     # Rank of the motion: singular values of A over columns of unit length in the statistics.
     base = lib.base_matrix

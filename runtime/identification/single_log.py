@@ -32,13 +32,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.common.threads import one_blas_thread
-from runtime.errors import IdentificationError
+from runtime.errors import IdentificationError, RuntimeFault
 from runtime.estimators.classical.pc_ols import convex_optimum
 from runtime.estimators.convex.entropic_prior import CAD
 from runtime.estimators.friction_bounds import bounds_of
 from runtime.estimators.methods import METHODS, chosen_method, fit_by
 from runtime.estimators.optimizers import Status
 from runtime.estimators.problem import Fit, Problem, best_friction
+from runtime.estimators.regression.recorded_delay import delay_of_log, stated_delay
 from runtime.estimators.regression.samples import Samples, residuals, samples_of
 from runtime.estimators.robust import robust_problem
 from runtime.estimators.uncertainty import Uncertainty, uncertainty_of
@@ -275,6 +276,10 @@ def _uncertainty(
     """Posterior of the fit; κ is that of the inertial prior where it states one."""
     problem, prior = assembly.problem, settings.prior
     lib = problem.lib
+
+    def delay() -> tuple[float, float] | None:
+        return _delay_beside(assembly, settings)
+
     posterior = uncertainty_of(
         lib,
         problem.train,
@@ -289,6 +294,7 @@ def _uncertainty(
         centre=None if prior is None else prior.centre,
         tests=tests,
         gain_sigma=settings.gain_sigma,
+        delay=delay,
     )
     if problem.train.equations < lib.n_joints:  # rows of power have no noise of single joints
         samples = samples_of(assembly.parts[0], lib)
@@ -330,3 +336,17 @@ def rows_of(problem: Problem, fit: Fit) -> int:
     if problem.pieces is None:
         return len(problem.train)
     return round((fit.statistics or problem.statistics()).n_samples)
+
+
+def _delay_beside(assembly: Assembly, settings: Settings) -> tuple[float, float] | None:
+    """Delay beside that of the preparation, and its σ [s], as --delay auto estimates it."""
+    origin, lib = assembly.origin, assembly.problem.lib
+    if origin is None or not assembly.is_cut:
+        return None
+    log = origin.recording
+    steps = settings.preparation or log.preparation
+    try:
+        profile = delay_of_log(log, lib, steps, origin.friction, settings.split)
+    except RuntimeFault:  # too few rows, or rows that were prepared before
+        return None
+    return None if profile.is_flat else (profile.best - stated_delay(steps), profile.sigma)

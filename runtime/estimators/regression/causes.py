@@ -20,7 +20,7 @@ All rows are slow parts (`coloured_noise`), and a log that is too short for them
 Source: Breusch & Pagan 1980 for score tests, Cameron & Miller 2015 for blocks.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -41,7 +41,7 @@ from runtime.estimators.regression.model_error import (
     scatter,
 )
 from runtime.estimators.regression.posterior import APART, ROUNDING, posterior_of
-from runtime.estimators.regression.samples import Samples
+from runtime.estimators.regression.samples import NORMAL_95, Samples
 from runtime.library import Array, Library
 from runtime.library.parameters import first_moment, links, mass
 
@@ -85,6 +85,9 @@ class Cause:
     threshold: float  # value that T seldom exceeds where the cause is absent
     # of a tilt, change of gravity [m/s²], (3,)
     vector: Array = field(default_factory=lambda: np.zeros(3))
+    # whether size and σ are those of a fit with the cause. A delay is none of the columns beside
+    # which friction, whose stroke looks like a delay, takes up a part of it
+    is_measured: bool = True
 
     @property
     def is_significant(self) -> bool:
@@ -121,6 +124,23 @@ class Causes:
         """The best significant cause, and those that explain nearly as much; often empty."""
         best = [each for each in self.ranked if each.is_significant][:1]
         return tuple(c for b in best for c in self.ranked if c.statistic > b.statistic - ALIKE)
+
+    def with_delay(self, size: float, sigma: float) -> "Causes":
+        """The causes with a delay by its profile [s].
+
+        A delay that is 0 by the profile, and not what its column has, is another misfit.
+        """
+
+        def by_profile(cause: Cause) -> Cause:
+            if cause.kind != DELAY or not cause.size:
+                return cause
+            near = NORMAL_95 * sigma
+            if abs(size) > near:
+                share = cause.share * abs(size / cause.size)
+                return replace(cause, size=size, sigma=sigma, share=share, is_measured=True)
+            return cause if abs(size - cause.size) < near else replace(cause, statistic=0.0)
+
+        return Causes(_ranked(map(by_profile, self.ranked)))
 
     def limits(self, kind: str) -> Array:
         """Sizes of one kind that such a log shows, joint after joint."""
@@ -188,8 +208,15 @@ def causes_of(lib: Library, fit: FreeFit, pi: Array) -> Causes:
                 float(np.linalg.norm(lib.gravity)),
             )
             size, sigma = float(np.linalg.norm(vector)) / strength, sigma / strength
-        ranked.append(Cause(kind, joint, size, sigma, share, explained, threshold, vector))
-    return Causes(tuple(sorted(ranked, key=lambda each: each.threshold - each.statistic)))
+        is_measured = kind != DELAY
+        found = Cause(kind, joint, size, sigma, share, explained, threshold, vector, is_measured)
+        ranked.append(found)
+    return Causes(_ranked(ranked))
+
+
+def _ranked(causes: Iterable[Cause]) -> tuple[Cause, ...]:
+    """The causes, that which explains most beyond chance first."""
+    return tuple(sorted(causes, key=lambda each: each.threshold - each.statistic))
 
 
 def potential_rows(lib: Library, q: Array) -> Array:

@@ -41,9 +41,10 @@ from runtime.estimators.regression.model_error import FreeFit, nuisance_of, scat
 from runtime.estimators.regression.posterior import orthonormal
 from runtime.estimators.regression.samples import NORMAL_95, Samples, samples_of
 from runtime.library import Array, Library
-from runtime.recording import Friction, Preparation, Recording
-from runtime.recording.friction.columns import COULOMB, DAHL, POSITION
+from runtime.recording import Friction, Preparation, Recording, Split
+from runtime.recording.friction.columns import COULOMB, DAHL, POSITION, ROTOR
 from runtime.recording.preprocessing import prepare
+from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.preprocessing.segments import interpolate
 from runtime.recording.recipes.recipe import COMMANDED
 
@@ -179,6 +180,25 @@ def recorded_delay(
     steps = range(round(first / STEP_S), round(last / STEP_S) + 1)
     delays = np.array([STEP_S * k for k in steps])
     return replace(fit_of(1).profile(delays), sign=sign_of_delay(recording))
+
+
+def delay_of_log(
+    recording: Recording,
+    lib: Library,
+    preparation: Preparation,
+    terms: Friction,
+    split: Split | None = None,
+    *,
+    has_rotors: bool = True,
+) -> DelayProfile:
+    """Profile of the rows before the test part, as the other passes of `identify` have them.
+
+    A measured torque has columns of rotors (`has_rotors`), which the sensor may see or not.
+    """
+    measured = recording.torque_source != COMMANDED
+    if measured and has_rotors and ROTOR.name not in terms.columns and not terms.gear:
+        terms = replace(terms, columns=(*terms.columns, ROTOR.name))
+    return recorded_delay(before_test(recording, split), lib, preparation, terms)
 
 
 def stated_delay(preparation: Preparation) -> float:

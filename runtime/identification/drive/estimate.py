@@ -19,7 +19,7 @@ from runtime.estimators.methods import chosen_method
 from runtime.estimators.regression.factor import reduce
 from runtime.estimators.regression.recorded_delay import (
     LATEST_S,
-    recorded_delay,
+    delay_of_log,
     sign_of_delay,
     with_delay,
 )
@@ -38,9 +38,7 @@ from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.commanded_torque import without_ends
 from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.friction.columns import ROTOR
 from runtime.recording.friction.coupled_motors import geared
-from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.recipes.recipe import COMMANDED
 
 PASSES = 6
@@ -215,12 +213,12 @@ def identify_drive(
 
 def _with_delay(problem: DriveProblem, terms: Friction) -> tuple[DriveProblem, Array, str]:
     """The most probable delay and biases, and the reason where the log has no delay."""
-    # The profile is of the rows before the test part, as the passes are.
-    seen, request = before_test(problem.recording, problem.settings.split), problem.request
+    request = problem.request
     by_profile = problem.recording.torque_source != COMMANDED and not request.per_joint
-    if by_profile and ROTOR.name not in terms.columns and not terms.gear:
-        terms = replace(terms, columns=(*terms.columns, ROTOR.name))
-    first = recorded_delay(seen, problem.lib, problem.preparation, terms)
+    first = delay_of_log(
+        *(problem.recording, problem.lib, problem.preparation, terms, problem.settings.split),
+        has_rotors=by_profile,
+    )
     x = np.zeros(len(problem.most_step))
     if first.is_flat:
         low, high = (1e3 * end for end in first.interval_s)

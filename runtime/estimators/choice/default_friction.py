@@ -8,11 +8,13 @@ All columns are prepared together and compressed to one triangular factor per bl
 a choice of its columns. `friction_choice` tries more models and searches their widths. The estimate
 of a candidate is
 
-    x_b = argmin ‖R x − r‖² + (N/N_eff) ‖L⁻¹ (β − β₀)‖²,   L Lᵀ = K Σ_π Kᵀ,  x = [β; φ]
+    x_b = argmin ‖R x − r‖² + (N/N_eff) (‖L⁻¹ (β − β₀)‖² + Σ φ_jk² ⟨F_jk²⟩ / ⟨τ_j²⟩)
 
-over the blocks other than b, with the spread Σ_π of the inertial prior of `map` about the URDF.
-Without it a slow log, one block of which moves as no other does, counts against every friction
-model. It is solved with the columns S of the candidate alone,
+over the blocks other than b, x = [β; φ] and L Lᵀ = K Σ_π Kᵀ, with the spread Σ_π of the inertial
+prior of `map` about the URDF, and friction F_jk φ_jk of the size of the torque of its joint.
+Without them a slow log, one block of which moves as no other does, counts against every friction
+model: a joint that reverses in block b alone has its dry friction and its offset in one column of
+the others. It is solved with the columns S of the candidate alone,
 
     G_S x_S = R_Sᵀ r,   G = D RᵀR D,   x_S ← x_S + G_S⁻¹ R_Sᵀ (r − R_S x_S)
 
@@ -41,7 +43,7 @@ from runtime.estimators.choice.friction_choice import (
 from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
 from runtime.estimators.regression.factor import Statistics, compress
 from runtime.estimators.regression.recorded_delay import minimum_on_grid
-from runtime.estimators.regression.samples import inflation, samples_of, thesis_weights
+from runtime.estimators.regression.samples import Samples, inflation, samples_of, thesis_weights
 from runtime.estimators.robust import explicit, weights_of_rows
 from runtime.library import Array, Library, require_library
 from runtime.library.parameters import N_PARAMETERS
@@ -351,7 +353,8 @@ def trial_on(done: Recording, lib: Library, robust: bool) -> FrictionTrial:
         variance = np.mean(np.concatenate(rests) ** 2, axis=0)
         weights = 1.0 / np.maximum(variance, 1e-12 * variance.max() + 1e-30)
     stats = [compress(lib, block, weights) for block in blocks]
-    prior = _prior(lib, stats[0], inflation(np.concatenate(rests), weights))
+    samples_per_independent = inflation(np.concatenate(rests), weights)
+    prior = _prior(lib, stats[0], whole.rows(taken), samples_per_independent)
     others = [
         column_solver(rest[0].merged(*rest[1:], prior))
         for k in range(len(stats))
@@ -360,8 +363,10 @@ def trial_on(done: Recording, lib: Library, robust: bool) -> FrictionTrial:
     return FrictionTrial(tuple(stats), tuple(others), lib.n_joints)
 
 
-def _prior(lib: Library, like: Statistics, samples_per_independent: float) -> Statistics:
-    """Rows √(N/N_eff) L⁻¹ (β − β₀) of the inertial prior, of no sample."""
+def _prior(
+    lib: Library, like: Statistics, samples: Samples, samples_per_independent: float
+) -> Statistics:
+    """Rows √(N/N_eff) L⁻¹ (β − β₀) of the inertial prior and those of φ, of no sample."""
     matrix, pi = lib.base_matrix, lib.pi0
     spread = bodies_of(lib).spread(prior_of(lib, pi).centre) / np.sqrt(CAD)
     links = matrix.reshape(len(matrix), -1, N_PARAMETERS)
@@ -370,8 +375,12 @@ def _prior(lib: Library, like: Statistics, samples_per_independent: float) -> St
     values, vectors = np.linalg.eigh(covariance)
     scale = np.sqrt(samples_per_independent / np.maximum(values, 1e-12 * values[-1]))
     rows = scale[:, None] * vectors.T
+    torque = np.sqrt(np.mean(samples.tau**2, axis=0))
+    over = np.sqrt(samples_per_independent) / np.where(torque > 0, torque, 1.0)
+    friction = over[:, None] * samples.column_sizes()
     whole = np.zeros_like(like.factor)
     target = np.zeros_like(like.target)
     whole[: len(rows), : len(rows)] = rows
+    whole[len(rows) :, len(rows) :] = np.diag(friction.ravel())
     target[: len(rows)] = rows @ (matrix @ pi)
     return replace(like, factor=whole, target=target, rest=0.0, n_samples=0.0)

@@ -114,6 +114,28 @@ def test_a_slow_real_log_has_friction(robot):
     assert {"viscous", "coulomb"} <= set(choice.terms.columns)
 
 
+def test_friction_that_one_block_alone_shows_is_not_dropped(lib):
+    """Oracle: simulated truth; three joints turn back once, near the start, so that four of five
+    blocks have their dry friction and offset in one column, up to the leakage of the filter.
+    """
+    t = np.arange(0.0, 10.0, 0.02)
+    rates = 0.5 + 0.13 * np.arange(lib.n_joints)
+    angles = 2 * np.pi * np.outer(t, rates) + np.arange(lib.n_joints)
+    q = 0.5 * np.sin(angles)
+    q[:, [0, 2, 4]] = -8.0 * (t[:, None] / 9.0 - 0.1) ** 2
+    dq = np.gradient(q, t, axis=0)
+    ddq = np.gradient(dq, t, axis=0)
+    tau = lib.inverse_dynamics(lib.home + q, dq, ddq, lib.pi0)
+    exact = Recording(t=t, q=lib.home + q, dq=dq, ddq=ddq, tau=tau)
+    log = with_friction(exact, lib, Friction(("offset", "viscous", "coulomb"), coulomb_speed=0.03))
+    log = log.replace(tau=log.tau + 0.3 * np.random.default_rng(0).normal(size=tau.shape))
+    steps = Preparation(filter="butterworth", cutoff_hz=10.0, derivative="position", trim_s=0.3)
+    choice = choose_default_friction(log, lib, steps, split=WHOLE)
+    assert {"coulomb", "dahl"} & set(choice.terms.columns)
+    scores = dict(choice.scores)
+    assert scores["offset", "viscous", "coulomb"] < scores["offset", "viscous"]
+
+
 def test_the_test_part_has_no_effect(lib, noisy):
     """Property: garbage in the last 40 % changes no figure of the choice, to the bit."""
     tau = noisy.tau.copy()

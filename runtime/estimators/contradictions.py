@@ -219,8 +219,8 @@ def model_tests(
     """
     causes = Causes() if fit is None else causes_of(lib, fit, pi)
     if delay is not None and any(each.kind == DELAY for each in causes.named):
-        found = delay()
-        causes = causes if found is None else causes.with_delay(*found)
+        estimate = delay()
+        causes = causes if estimate is None else causes.with_delay(*estimate)
     friction = None if fit is None else friction_test(fit)
     test = prior_test(lib, data, prior, kappa, density)
     rest = data.factor @ pi - data.target
@@ -276,11 +276,13 @@ def _words(lib: Library, cause: Cause) -> str:
     unit, size = torque_units(lib.manifest)[cause.joint], cause.size
     angle, scale = ("mm", 1e3) if unit == "N" else ("°", 180 / np.pi)
     side = "late" if size > 0 else "early"
-    late = f"{1e3 * abs(size):.1f} ± {1e3 * cause.sigma:.2g} ms " if cause.is_measured else ""
+    late = f"{1e3 * abs(size):.1f} ± {1e3 * cause.sigma:.2g} ms too {side} for the motion"
+    if not cause.is_measured:
+        late = f"too {side} for the motion"
     return {
         GAIN: f"a torque gain of {1 + size:.3f} ± {cause.sigma:.1g} at {name}, relative to the "
         "other joints",
-        DELAY: f"a torque that is stamped {late}too {side} for the motion",
+        DELAY: f"a torque that is stamped {late}",
         ZERO: f"an encoder of {name} that reads {scale * size:.2g} ± {scale * cause.sigma:.1g} "
         f"{angle} too much",
         TILT: f"a base that is tilted by {np.degrees(size):.2g} ± {np.degrees(cause.sigma):.1g}°",

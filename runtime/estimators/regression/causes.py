@@ -209,8 +209,8 @@ def causes_of(lib: Library, fit: FreeFit, pi: Array) -> Causes:
             )
             size, sigma = float(np.linalg.norm(vector)) / strength, sigma / strength
         is_measured = kind != DELAY
-        found = Cause(kind, joint, size, sigma, share, explained, threshold, vector, is_measured)
-        ranked.append(found)
+        known = size, sigma, share, explained, threshold, vector, is_measured
+        ranked.append(Cause(kind, joint, *known))
     return Causes(_ranked(ranked))
 
 

@@ -18,13 +18,21 @@ from runtime.common.terminal import say, say_notes, show
 from runtime.errors import RecordingError
 from runtime.identification.posterior_file import read_posterior
 from runtime.identification.saved_result import SavedResult
-from runtime.library import Library
-from runtime.monitoring.drift import ALPHA, Change, Verdict, baseline_of, verdict_of
+from runtime.library import Array, Library
+from runtime.monitoring.drift import (
+    ALPHA,
+    Change,
+    Verdict,
+    baseline_of,
+    free_baseline_of,
+    verdict_of,
+)
 from runtime.monitoring.model import model_of
 from runtime.monitoring.noise import read_held_out, read_test_rows
 from runtime.monitoring.trends import append_history, read_history
 from runtime.recording import Preparation, Recording
 from runtime.recording.consistency import require_plausible
+from runtime.recording.free_base import FreeBaseRecording, read_free_base
 from runtime.recording.preprocessing import prepare
 from runtime.recording.reader import locate, mean_of_column
 from runtime.recording.row_marks import Marks, row_hashes, row_marks, share_of_rows
@@ -81,10 +89,7 @@ def watch_command(given: WatchSettings) -> None:
 
     The exit code is 1 where a log shows a change (p below 0.01), else 0.
     """
-    saved, lib, notes = open_result(given, given.result)
-    root = read_posterior(given.result, saved, lib).of_readings().root(lib)
-    model = model_of(saved, lib)
-    sigma = np.sqrt(np.mean(read_held_out(given.result, model).rest ** 2, axis=0))
+    saved, lib, notes = open_result(given, given.result, free_base=True)
     if given.history is not None:
         read_history(given.history)  # before any work
     circumstances = [
@@ -94,16 +99,9 @@ def watch_command(given: WatchSettings) -> None:
         }
         for log in given.logs
     ]
-    raw = [saved.log_of(log, lib, given.recipe) for log in given.logs]
-    recordings = _prepared(lib, saved, given.logs, raw)
-    days = [saved.log_of(log, lib, given.recipe) for log in given.references or []]
-    healthy = _prepared(lib, saved, given.references or [], days)
-    baseline = baseline_of(lib, saved, root, sigma, read_test_rows(given.result, model), healthy)
-    rows = [row_marks(day) for day in days]
-    verdicts = [
-        verdict_of(lib, baseline, each, _is_known(saved, rows, log))
-        for each, log in zip(recordings, raw, strict=True)
-    ]
+    root = read_posterior(given.result, saved, lib).of_readings().root(lib)
+    watch = _free_verdicts if saved.record.is_free else _verdicts
+    recordings, verdicts = watch(given, saved, lib, root)
     entries = [_facts(verdict) for verdict in verdicts]
     if given.history is not None:
         file = given.result / "result.json" if given.result.is_dir() else given.result
@@ -132,6 +130,44 @@ def watch_command(given: WatchSettings) -> None:
         say_notes(notes)
     if any(verdict.changed for verdict in verdicts):
         raise typer.Exit(1)
+
+
+def _verdicts(
+    given: WatchSettings, saved: SavedResult, lib: Library, root: Array
+) -> tuple[list[Recording], list[Verdict]]:
+    """Logs of joints, as prepared, and their verdicts."""
+    model = model_of(saved, lib)
+    sigma = np.sqrt(np.mean(read_held_out(given.result, model).rest ** 2, axis=0))
+    raw = [saved.log_of(log, lib, given.recipe) for log in given.logs]
+    logs = _prepared(lib, saved, given.logs, raw)
+    days = [saved.log_of(log, lib, given.recipe) for log in given.references or []]
+    healthy = _prepared(lib, saved, given.references or [], days)
+    baseline = baseline_of(lib, saved, root, sigma, read_test_rows(given.result, model), healthy)
+    marks = [row_marks(day) for day in days]
+    known = [_is_known(saved, marks, log) for log in raw]
+    return logs, [verdict_of(lib, baseline, *each) for each in zip(logs, known, strict=True)]
+
+
+def _free_verdicts(
+    given: WatchSettings, saved: SavedResult, lib: Library, root: Array
+) -> tuple[list[Recording], list[Verdict]]:
+    """Logs of a free base, their joints, and their verdicts."""
+    logs, days = (
+        [_free_log(log, given) for log in each] for each in (given.logs, given.references or [])
+    )
+    baseline = free_baseline_of(lib, saved, root, logs[0], days)
+    marks, joints = [row_marks(day.joints) for day in days], [log.joints for log in logs]
+    known = [_is_known(saved, marks, each) for each in joints]
+    return joints, [verdict_of(lib, baseline, *each) for each in zip(logs, known, strict=True)]
+
+
+def _free_log(log: str, given: WatchSettings) -> FreeBaseRecording:
+    if given.recipe is not None:
+        raise RecordingError(
+            "--recipe does not apply to a log of a free base, whose arrays have stated names; "
+            "leave it out"
+        )
+    return read_free_base(Path(log))
 
 
 def _is_known(saved: SavedResult, references: list[Marks], log: Recording) -> bool:

@@ -31,23 +31,25 @@ from scipy.special import fdtrc, fdtri, stdtrit
 from runtime.common.tables import significant
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.samples import Samples, samples_of, weights_from
-from runtime.identification.identified import torque_of
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.library.parameters import link_columns
+from runtime.monitoring.free_base import free_changed_rows, free_changes_of
 from runtime.monitoring.model import model_of
 from runtime.monitoring.scores import (
     PLAUSIBLE,
+    ChangedRows,
     Changes,
     Scores,
     Usual,
+    changed_rows,
     changes_of,
     expected,
-    scores_of,
-    tells_changes,
+    scores_of_rows,
     usual_of,
 )
 from runtime.recording import Recording
+from runtime.recording.free_base import FreeBaseRecording
 
 GROUPS = ("sensor gain", "sensor bias", "sensor drift", "friction", "warming", "links", "payload",
           "model", "clock")  # fmt: skip
@@ -70,6 +72,8 @@ DETERMINED = 0.5
 UNKNOWN_DELAY = 0.02
 """Standard deviation of the delay of a result that neither states nor estimates one [s]: real arms
 have 0 to 30 ms. Its own held-out rows show how much of it is left."""
+WatchedLog = Recording | FreeBaseRecording
+"""A log that is prepared, or one of a free base as read."""
 MOST_ROWS = 4000
 """Rows of a log that are tested, evenly spread."""
 
@@ -98,7 +102,8 @@ def hypotheses(lib: Library, changes: Changes, pi: Array) -> list[Hypothesis]:
             parts.append(Hypothesis(group, where, eye[:, [k]], sizes[[k]] * scale, unit))
     for group in ("sensor bias", "sensor drift"):
         each = changes.of(group)
-        parts.append(Hypothesis(group, "", eye[:, each], np.zeros(len(each)), ""))
+        if each.size:
+            parts.append(Hypothesis(group, "", eye[:, each], np.zeros(len(each)), ""))
     for where in (*lib.joint_names, ""):
         each = changes.of("friction", where or None)
         if each.size:
@@ -108,7 +113,8 @@ def hypotheses(lib: Library, changes: Changes, pi: Array) -> list[Hypothesis]:
     body = mass * np.repeat([1.0, LEVER, LEVER**2], [1, 3, 6])
     first, links = body * np.eye(1, 10)[0], []
     for k, name in enumerate(lib.link_names):
-        is_tip = k == len(lib.link_names) - 1
+        # What carries tools: the tip, and the body of a robot that walks.
+        is_tip = k == len(lib.link_names) - 1 or (k == 0 and lib.manifest.floating)
         links.append(np.vstack([np.zeros((named, 10)), base[:, link_columns(k)] * body]))
         group, prior = ("payload", 1.0) if is_tip else ("links", RARE)
         parts.append(Hypothesis(group, name, links[-1], first, "kg", prior))
@@ -189,7 +195,7 @@ class Baseline:
 
     saved: SavedResult  # the result
     root: Array  # of the covariance of [β; φ], (p, columns)
-    over: Array  # 1/σ of its held-out residual, (n,) [1/(N·m)]
+    over: Array  # 1/σ of its held-out residual, (n,) [1/(N·m)]; of a free base the logs' own
     changes: Changes  # that are distinguished
     usual: Usual  # changes of a healthy robot, and errors of the model
 
@@ -207,26 +213,42 @@ def baseline_of(
     root (p, columns) [β; φ], sigma (n,) [N·m, N].
     """
     model = model_of(saved, lib)
-    logs = [_rows(lib, each) for each in references]
-    every = [*([test_rows] if test_rows else []), *logs]
-    tau = np.concatenate([samples.tau for _, samples in every]) if every else sigma[None]
+    first = [_samples(each, lib) for each in references]
+    every = [*([test_rows[1]] if test_rows else []), *first]
+    tau = np.concatenate([samples.tau for samples in every]) if every else sigma[None]
     over = np.sqrt(weights_from(sigma, tau))
     changes = changes_of(lib, model, tau)
-    if test_rows and not tells_changes(lib, changes, test_rows[1]):
-        test_rows = None
-    for recording, (_, samples) in zip(references, logs, strict=True):
-        _require_length(lib, changes, recording, samples)
+    held_out = []
+    if test_rows:
+        rows = changed_rows(lib, model, saved.pi, *test_rows, over, changes.ranges)
+        held_out = [scores_of_rows(rows, root)] if rows.tells() else []
+    return _baseline(lib, saved, root, over, changes, held_out, references)
 
-    def scores(log: tuple[Array, Samples]) -> Scores:
-        return scores_of(lib, model, saved.pi, *log, root, over, changes.ranges)
 
-    usual = usual_of(
-        changes,
-        root.shape[1],
-        [scores(test_rows)] if test_rows else [],
-        [scores(each) for each in logs],
-        _delay_sigma(saved),
-    )
+def free_baseline_of(
+    lib: Library,
+    saved: SavedResult,
+    root: Array,
+    log: FreeBaseRecording,
+    references: Sequence[FreeBaseRecording] = (),
+) -> Baseline:
+    """Baseline of a result of a free base for logs as `log`, arguments as of `baseline_of`."""
+    changes = free_changes_of(lib, saved, log)
+    return _baseline(lib, saved, root, np.ones(0), changes, [], references)
+
+
+def _baseline(
+    lib: Library,
+    saved: SavedResult,
+    root: Array,
+    over: Array,
+    changes: Changes,
+    held_out: list[Scores],
+    references: Sequence[WatchedLog],
+) -> Baseline:
+    rows = [_rows(lib, saved, over, changes, each) for each in references]
+    others = [scores_of_rows(each, root) for each in rows]
+    usual = usual_of(changes, root.shape[1], held_out, others, _delay_sigma(saved))
     return Baseline(saved, root, over, changes, usual)
 
 
@@ -242,32 +264,40 @@ def _delay_sigma(saved: SavedResult) -> float:
     return 0.0 if saved.preparation.torque_delay_s is not None else UNKNOWN_DELAY
 
 
-def _require_length(lib: Library, changes: Changes, recording: Recording, samples: Samples) -> None:
-    if not tells_changes(lib, changes, samples):
-        raise IdentificationError(
-            f"'{recording.name or 'log'}' holds {np.ptp(recording.t):.2g} s of motion, in which "
-            "changes of this robot look like noise; give a longer log"
-        )
+def _samples(recording: Recording, lib: Library) -> Samples:
+    return samples_of(_thinned(recording), lib)
 
 
-def _rows(lib: Library, recording: Recording) -> tuple[Array, Samples]:
-    """Instants and samples of a prepared log, thinned."""
+def _thinned(recording: Recording) -> Recording:
     step = max(1, -(-len(recording) // MOST_ROWS))
-    recording = recording.take(slice(None, None, step), "Thinned.") if step > 1 else recording
-    return recording.t, samples_of(recording, lib)
+    return recording.take(slice(None, None, step), "Thinned.") if step > 1 else recording
+
+
+def _rows(
+    lib: Library, saved: SavedResult, over: Array, changes: Changes, log: WatchedLog
+) -> ChangedRows:
+    """Equations of a log that is long enough, thinned."""
+    if isinstance(log, FreeBaseRecording):
+        rows = free_changed_rows(lib, saved, log, MOST_ROWS)
+    else:
+        log = _thinned(log)
+        model, samples = model_of(saved, lib), samples_of(log, lib)
+        rows = changed_rows(lib, model, saved.pi, log.t, samples, over, changes.ranges)
+    if not rows.tells():
+        raise IdentificationError(
+            f"'{log.name or 'log'}' holds {np.ptp(log.t):.2g} s of motion, in which changes of "
+            "this robot look like noise; give a longer log"
+        )
+    return rows
 
 
 def verdict_of(
-    lib: Library, baseline: Baseline, recording: Recording, is_known: bool = False
+    lib: Library, baseline: Baseline, recording: WatchedLog, is_known: bool = False
 ) -> Verdict:
     """Test whether a log is that of the robot of a result; a known one is in the baseline."""
     saved, changes, usual = baseline.saved, baseline.changes, baseline.usual
-    model = model_of(saved, lib)
-    t, samples = _rows(lib, recording)
-    _require_length(lib, changes, recording, samples)
-    scores = scores_of(
-        lib, model, saved.pi, t, samples, baseline.root, baseline.over, changes.ranges
-    )
+    rows = _rows(lib, saved, baseline.over, changes, recording)
+    scores = scores_of_rows(rows, baseline.root)
     mean, covariance = expected(changes, usual, scores)
     freedom = max(usual.freedom + scores.blocks - 1, 1.0)
     lower = np.linalg.cholesky(covariance)
@@ -300,15 +330,13 @@ def verdict_of(
             axes = _determined(columns @ part.moved)[0]
             others = _ranked(tested(y - axes @ (axes.T @ y)), scores.n_eff)
             beside = tuple(each for each in others if _part(each) != _part(best))
-    rest = samples.tau - torque_of(lib, samples, saved.pi, saved.phi)
-    error = 100 * float(np.linalg.norm(rest)) / max(float(np.linalg.norm(samples.tau)), 1e-300)
     return Verdict(
         recording.name or "log",
         p_value < ALPHA,
         ranked[0],
         p_value,
         scores.n_eff,
-        error,
+        rows.error,
         ranked,
         beside,
         usual.references,

@@ -151,17 +151,32 @@ def changes_of(lib: Library, model: MonitoredModel, tau: Array) -> Changes:
     return Changes(names, np.array(units), shown, ranges)
 
 
-def tells_changes(lib: Library, changes: Changes, samples: Samples) -> bool:
-    """Whether a log is long enough for scores over all changes."""
-    unknowns = len(changes.names) + len(lib.base_matrix)
-    return tells(samples, slow_cosines(samples), unknowns)
-
-
 def _changing(model: MonitoredModel) -> list[tuple[int, int]]:
     """Joint and number of the friction columns that may change."""
     records = [COLUMNS[name] for name in model.terms.columns]
     free = [not each.is_constant and not each.is_inertial for each in records]
     return [(j, c) for j, c in np.argwhere(model.phi != 0).tolist() if free[c]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChangedRows:
+    """Equations of a log over all changes, divided by their noise: m per instant."""
+
+    t: Array  # (N,) [s]
+    rest: Array  # r, (N, m)
+    error: float  # of the model, ‖τ − τ̂‖ over ‖τ‖ [%]
+    columns: Array  # of all changes, (N, m, K + n_b)
+    known: Array  # X over [β; φ], (N, m, p)
+    shapes: Array  # N of a joint's range, (N, m, S)
+    cosines: int  # number of cosines of time that the motion has
+    low_pass: float  # N / N_eff of white noise behind the low-pass of the log
+    # size of a constant torque of one equation in some rows
+    holds: tuple[tuple[float, int, slice], ...] = ()
+    sessions: Array | None = None  # what every log has another size of about 0, σ 1, (N, m, o)
+
+    def tells(self) -> bool:
+        """Whether the log is long enough for scores over all changes."""
+        return tells(self.rest.shape[1], self.cosines, self.columns.shape[2])
 
 
 def scores_of(
@@ -174,37 +189,89 @@ def scores_of(
     over: Array,
     ranges: Array,
 ) -> Scores:
-    """Scores of a log.
+    """Scores of a log of joints.
 
     pi (10 n,), t (N,) [s], root L (p, columns) of [β; φ], over (n,) 1/σ [1/(N·m)], ranges (n,)
     [N·m, N].
     """
+    return scores_of_rows(changed_rows(lib, model, pi, t, samples, over, ranges), root)
+
+
+def changed_rows(
+    lib: Library,
+    model: MonitoredModel,
+    pi: Array,
+    t: Array,
+    samples: Samples,
+    over: Array,
+    ranges: Array,
+) -> ChangedRows:
+    """Equations of a log of joints, arguments as of `scores_of`."""
     count, n = samples.tau.shape
     base = samples.base_rows(lib)
     tau = torque_of(lib, samples, pi, model.phi)
-    e = (samples.tau - tau) * over
+    changing = changing_friction(model)
+    named = named_columns(t, tau, [samples.friction(phi) for phi in changing])
+    columns = np.concatenate([named, base], axis=2) * over[:, None]
+    known = np.concatenate([base, samples.friction_rows()], axis=2) * over[:, None]
+    dry = np.where(model.dry_friction > 0, model.dry_friction, DRY * ranges) * over
+    rests = np.abs(samples.dq) < rest_speeds(lib)
+    shapes = np.zeros((count, n, n, SHAPES))
+    joints = np.arange(n)
+    shapes[:, joints, joints] = nuisance_columns(lib, pi, samples) * over[:, None]
+    return ChangedRows(
+        t,
+        (samples.tau - tau) * over,
+        error_percent(samples.tau - tau, samples.tau),
+        columns,
+        known,
+        shapes.reshape(count, n, -1),
+        slow_cosines(samples),
+        low_pass_inflation(model.preparation.cutoff_hz, t),
+        tuple((float(dry[j]), j, part) for j, part in _at_rest(t, rests)),
+    )
+
+
+def error_percent(rest: Array, tau: Array) -> float:
+    """Norm of what a model leaves over that of the torques [%]."""
+    return 100 * float(np.linalg.norm(rest)) / max(float(np.linalg.norm(tau)), 1e-300)
+
+
+def low_pass_inflation(cutoff_hz: float | None, t: Array) -> float:
+    """N / N_eff of white noise behind a low-pass."""
+    return max(1.0, 0.5 / (cutoff_hz * float(np.median(np.diff(t))))) if cutoff_hz else 1.0
+
+
+def changing_friction(model: MonitoredModel) -> list[Array]:
+    """φ (n, k) of each single coefficient that may change, the others 0."""
+    single = []
+    for j, c in _changing(model):
+        single.append(np.zeros_like(model.phi))
+        single[-1][j, c] = model.phi[j, c]
+    return single
+
+
+def named_columns(t: Array, tau: Array, friction: Sequence[Array]) -> Array:
+    """Torques (N, n, K) of the named changes: tau (N, n) of the model, (N, n) of its friction."""
+    count, n = tau.shape
     named = [-rate_of(t, tau)]
     elapsed = (t - t[0]) / max(float(t[-1] - t[0]), 1e-12) - 0.5
     for j in range(n):
         for values in (tau[:, j], np.ones(count), elapsed):
             named.append(np.zeros((count, n)))
             named[-1][:, j] = values
-    changing = np.zeros_like(model.phi)
-    for j, c in _changing(model):
-        changing[j, c] = model.phi[j, c]
-    named.append(elapsed[:, None] * samples.friction(changing))
-    for j, c in _changing(model):
-        only = np.zeros_like(model.phi)
-        only[j, c] = model.phi[j, c]
-        named.append(samples.friction(only))
-    columns = np.concatenate([np.stack(named, axis=2), base], axis=2) * over[:, None]
-    known = np.concatenate([base, samples.friction_rows()], axis=2) * over[:, None]
-    cosines = slow_cosines(samples)
-    flat = slow_part(columns, cosines).reshape(count * n, -1)
+    named.append(elapsed[:, None] * np.sum([np.zeros((count, n)), *friction], axis=0))
+    return np.stack([*named, *friction], axis=2)
+
+
+def scores_of_rows(rows: ChangedRows, root: Array) -> Scores:
+    """Scores of a log, by the root L (p, columns) of the covariance of [β; φ]."""
+    t, (count, n) = rows.t, rows.rest.shape
+    flat = slow_part(rows.columns, rows.cosines).reshape(count * n, -1)
     q = flat @ posterior_of(flat, rank=APART).root
-    z = q.T @ e.ravel()
-    basis, rest = q.reshape(count, n, -1), e - (q @ z).reshape(e.shape)
-    slow = slow_part(rest, cosines)
+    z = q.T @ rows.rest.ravel()
+    basis, rest = q.reshape(count, n, -1), rows.rest - (q @ z).reshape(count, n)
+    slow = slow_part(rest, rows.cosines)
     density = coloured_noise_of_basis([(basis, slow)], 1).density
     # The variance is that of all rows, fast ones too.
     coloured = ColouredNoise(density, (float(np.sum(rest**2)) + len(z) * density) / rest.size)
@@ -215,28 +282,27 @@ def scores_of(
     level = max(coloured.density, float(np.trace(meat)) / max(len(z), 1), 1e-300)
     robust = ROBUST if len(g) >= FEWEST else 0.0
     noise = (1 - robust) * level * np.eye(len(z)) + robust * meat
-    dry = np.where(model.dry_friction > 0, model.dry_friction, DRY * ranges) * over
-    for j, held in _at_rest(t, np.abs(samples.dq) < rest_speeds(lib), basis):
-        noise += dry[j] ** 2 * np.outer(held, held)
-    cutoff = model.preparation.cutoff_hz
-    white = max(1.0, 0.5 / (cutoff * float(np.median(np.diff(t))))) if cutoff else 1.0
-    misfit = level / (white * max(coloured.variance, 1e-300))
-    error = q.T @ (known.reshape(count * n, -1) @ root)
+    for size, j, part in rows.holds:
+        held = basis[part, j].sum(axis=0)
+        noise += size**2 * np.outer(held, held)
+    if rows.sessions is not None:
+        of_session = q.T @ rows.sessions.reshape(count * n, -1)
+        noise += of_session @ of_session.T
+    misfit = level / (rows.low_pass * max(coloured.variance, 1e-300))
+    error = q.T @ (rows.known.reshape(count * n, -1) @ root)
     n_eff = count / max(coloured.inflation, 1.0)
-    shapes = nuisance_columns(lib, pi, samples) * over[..., None]
-    shape = np.einsum("njr,njs->rjs", q.reshape(count, n, -1), shapes, optimize=True)
-    shape = shape.reshape(q.shape[1], -1)
+    shape = q.T @ rows.shapes.reshape(count * n, -1)
     return Scores(z, q.T @ flat, error, shape, noise, misfit, len(g), n_eff)
 
 
-def _at_rest(t: Array, rests: NDArray[np.bool_], basis: Array) -> list[tuple[int, Array]]:
-    """Joint, and a torque of 1 in one time of its rest, (r,), by rows of basis (N, n, r)."""
-    columns = []
+def _at_rest(t: Array, rests: NDArray[np.bool_]) -> list[tuple[int, slice]]:
+    """Joint, and the rows of one time of its rest."""
+    parts = []
     for j in range(rests.shape[1]):
         ends = np.flatnonzero(np.diff(rests[:, j], prepend=False, append=False)).reshape(-1, 2)
         long = t[ends[:, 1] - 1] - t[ends[:, 0]] > REST_S
-        columns += [(j, basis[a:b, j].sum(axis=0)) for a, b in ends[long]]
-    return columns
+        parts += [(j, slice(a, b)) for a, b in ends[long].tolist()]
+    return parts
 
 
 def usual_of(

@@ -34,7 +34,7 @@ from runtime.common.files import bytes_of
 from runtime.errors import RecordingError
 from runtime.library.free_base import ROTATION
 from runtime.recording.formats.npz import open_npz
-from runtime.recording.recording import FloatArray
+from runtime.recording.recording import FloatArray, Recording
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,6 +82,11 @@ class FreeBaseRecording:
     acceleration: FloatArray | None = None
     unread: tuple[str, ...] = ()  # names of arrays of the file that are not part of the layout
     is_commanded: bool = False  # whether tau is what a control law commanded
+
+    @property
+    def joints(self) -> Recording:
+        """The joints alone."""
+        return Recording(self.t, self.q, tau=self.tau, name=self.name)
 
 
 _KEYS = (

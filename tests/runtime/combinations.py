@@ -123,8 +123,7 @@ REASONS = {
           "needs"),
     "g": ("gains are unknown", "the cut-off is chosen on torques, before gains are estimated"),
     "h": ("free base|fixed base|--cutoff needs a number above 0 here", "a free base has its own "
-          "rows and the method map; contacts enter its torques, which observers and watches do not "
-          "know"),
+          "rows and the method map; contacts enter its torques, which observers do not know"),
 }  # fmt: skip
 """Letter → what its sentence on stderr holds, and the reason in the table."""
 

@@ -197,9 +197,9 @@ def slow_cosines(samples: Samples) -> int:
     return int(min(max(2 * BAND_HZ * step * len(samples), fastest) + 1, len(samples)))
 
 
-def tells(samples: Samples, cosines: int, unknowns: int) -> bool:
+def tells(equations: int, cosines: int, unknowns: int) -> bool:
     """Whether the slow equations of all joints leave an estimate of the noise beside unknowns."""
-    return cosines * samples.equations >= ENOUGH * unknowns
+    return cosines * equations >= ENOUGH * unknowns
 
 
 def time_step(samples: Samples) -> float:

@@ -71,6 +71,7 @@ from runtime.library.manifest import file_units
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion, motion_of
 from runtime.recording.recipes.recipe import COMMANDED, MEASURED
+from runtime.recording.row_marks import row_marks
 from runtime.recording.settings import Friction
 
 SHARE = 0.6
@@ -199,7 +200,8 @@ def identify_free_base(
         posterior,
         level,
         float(data.test.t[-1] - data.test.t[0]),
-        {key: each if key == "t" else shown(each) for key, each in predictions.items()},
+        {key: each if key == "t" else shown(each) for key, each in predictions.items()}
+        | {"row_marks": row_marks(recording.joints)},
     )
 
 

@@ -17,6 +17,7 @@ from runtime.estimators.uncertainty import IDENTIFIED, PRIOR_DOMINATED
 from runtime.identification.free_base.drives import rms
 from runtime.identification.free_base.rows import (
     Drives,
+    FreeBaseRows,
     rows_of,
     sensor_errors,
     with_contact_states,
@@ -35,7 +36,7 @@ from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.library.parameters import MASS, N_PARAMETERS, links, mass
 from runtime.recording.free_base import FreeBaseRecording
-from runtime.recording.preprocessing.free_base_motion import motion_of
+from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion, motion_of
 
 DETERMINED = 0.5
 """Posterior over prior variance below which an entry counts as identified."""
@@ -134,14 +135,14 @@ def uncertainty_of(
     )
 
 
-def free_base_errors(
-    recording: FreeBaseRecording, lib: Library, saved: SavedResult, cutoff_hz: float | None
-) -> tuple[tuple[str, ...], dict[str, list[float]]]:
-    """RMS of the rows of another log, low-passed at the cut-off [Hz], with the names of the rows.
-
-    `size` is that of forces and torques, `before` that of errors of the URDF, and `after` that of
-    errors of the result with friction, delay and errors of sensors.
-    """
+def rows_by_result(
+    recording: FreeBaseRecording,
+    lib: Library,
+    saved: SavedResult,
+    cutoff_hz: float | None,
+    most: int | None = None,
+) -> tuple[FreeBaseMotion, FreeBaseRows, Array]:
+    """Motion and equations of another log, at most so many instants; φ of all of their columns."""
     record, drives, late = saved.record, None, 0.0
     if recording.is_commanded:
         recording, _ = with_contact_states(recording, lib)
@@ -152,14 +153,27 @@ def free_base_errors(
     # At the ends the low-pass and the shift by the delay lack samples.
     ends = max(late, 0.0 if cutoff_hz is None or drives is None else 1.0 / cutoff_hz)
     inside = (motion.t >= motion.t[0] + ends) & (motion.t <= motion.t[-1] - ends)
-    motion = motion.rows(np.flatnonzero(inside))
+    step = 1 if most is None else max(1, -(-int(inside.sum()) // most))
+    motion = motion.rows(np.flatnonzero(inside)[::step])
     rows = rows_of(lib, motion, record.rows or "all", drives)
     known = record.sensors or {}
     sensors = [known[n].value if n in known else 0.0 for n, _ in sensor_errors(motion.contacts)]
     phi = np.concatenate([np.array(sensors, dtype=float), saved.phi.ravel() if drives else []])
+    return motion, rows, phi
+
+
+def free_base_errors(
+    recording: FreeBaseRecording, lib: Library, saved: SavedResult, cutoff_hz: float | None
+) -> tuple[tuple[str, ...], dict[str, list[float]]]:
+    """RMS of the rows of another log, low-passed at the cut-off [Hz], with the names of the rows.
+
+    `size` is that of forces and torques, `before` that of errors of the URDF, and `after` that of
+    errors of the result with friction, delay and errors of sensors.
+    """
+    _, rows, phi = rows_by_result(recording, lib, saved, cutoff_hz)
     measured = rows.samples.tau
     before = rows.samples.rigid(lib, lib.pi0)
     after = rows.samples.rigid(lib, saved.pi) + rows.samples.columns @ phi
-    names, shown = rows.shown(drives is not None)
+    names, shown = rows.shown(recording.is_commanded)
     each = {"size": measured, "before": before - measured, "after": after - measured}
     return names, {key: rms(shown(values)).tolist() for key, values in each.items()}

@@ -126,7 +126,7 @@ def test_priors_of_joints_are_refused(hopper: Library, arrays: Arrays, tmp_path:
 def test_other_commands_read_the_result_of_a_free_base(
     hopper: Library, arrays: Arrays, tmp_path: Path, command: Command
 ) -> None:
-    """Property: report, evaluate, export and sample take it; others say what they need."""
+    """Property: report, evaluate, export, sample and watch take it; observe says what it needs."""
     rng = np.random.default_rng(0)
     log = dict(arrays)
     for key, sigma in (("tau", 0.05), ("contact_wrench", 0.3)):
@@ -149,10 +149,11 @@ def test_other_commands_read_the_result_of_a_free_base(
     assert "force x" in (out / "report.html").read_text()
     done = command("sample", out, "--count", "2", "--to", "urdf")
     assert done.code == 0, done.err
-    for words in (("observe", path, "--model", out), ("watch", out, path)):
-        done = command(*words, "--robot", hopper.folder)
-        assert done.code == 2
-        assert "needs a robot with a fixed base" in done.err
+    done = command("watch", out, path, "--robot", hopper.folder, "--json")
+    assert (done.code, json.loads(done.out)["p_value"]) == (0, 1.0)
+    done = command("observe", path, "--model", out, "--robot", hopper.folder)
+    assert done.code == 2
+    assert "needs a robot with a fixed base" in done.err
     done = command("export", out, "--to", "mjcf")
     assert (done.code, "use --to urdf" in done.out) == (2, True)
     (out / "result.json").write_text(json.dumps({"free_base": 1, "pi": []}))

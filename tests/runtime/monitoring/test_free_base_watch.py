@@ -1,0 +1,136 @@
+"""Watch of a robot with a free base, on logs that Pinocchio computed."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime.errors import RuntimeFault
+from runtime.identification.free_base.identify import identify_free_base
+from runtime.identification.free_base.result import write_free_base
+from runtime.identification.free_base.rows import contact_jacobian
+from runtime.identification.posterior_file import read_posterior
+from runtime.identification.saved_result import SavedResult, read_result
+from runtime.library import Library
+from runtime.library.parameters import MASS, link_columns
+from runtime.monitoring.drift import Verdict, free_baseline_of, verdict_of
+from runtime.recording.free_base import free_base_of
+from runtime.recording.preprocessing.free_base_motion import motion_of
+from tests.free_base_logs import Array, Experiment, virtual_log
+from tests.robots import DATA
+from tests.runtime.conftest import Command
+
+Arrays = dict[str, Array]
+CARRIED = 1.0
+"""Mass that the body carries later [kg]; with links of 20 % other bodies the robot has 8 kg."""
+NOISE = Experiment(count=2400, changed=0.2, torque_noise=0.003, force_noise=0.5, moment_noise=0.05)
+
+
+@dataclass(frozen=True)
+class Watched:
+    """A result by the first half of a log, and the second half."""
+
+    folder: Path
+    saved: SavedResult
+    root: Array
+    first: Arrays
+    second: Arrays
+
+    def verdict(self, lib: Library, arrays: Arrays) -> Verdict:
+        """Verdict on a log."""
+        log = free_base_of(arrays, "later")
+        return verdict_of(lib, free_baseline_of(lib, self.saved, self.root, log), log)
+
+
+@pytest.fixture(scope="module", params=["all", "base"])
+def watched(request, hopper: Library, tmp_path_factory) -> Watched:
+    log = virtual_log((DATA / "hopper.urdf").read_text(), ("left_foot",), 3, NOISE)
+    first, second = (
+        {key: x[part] if len(x) == NOISE.count else x for key, x in log.arrays.items()}
+        for part in (slice(0, 1200), slice(1200, None))
+    )
+    folder = tmp_path_factory.mktemp("watched")
+    result = identify_free_base(free_base_of(first, "first"), hopper, request.param, cutoff_hz=10.0)
+    write_free_base(result, folder, "test")
+    saved = read_result(folder)
+    root = read_posterior(folder, saved, hopper).of_readings().root(hopper)
+    return Watched(folder, saved, root, first, second)
+
+
+def loaded(lib: Library, arrays: Arrays) -> Arrays:
+    """The log of a robot that carries a body of `CARRIED` at (.05, 0, .1) m of its first link."""
+    place, pi = np.array([0.05, 0.0, 0.1]), np.zeros_like(lib.pi0)
+    moment = CARRIED * (place @ place * np.eye(3) - np.outer(place, place)) + 1e-3 * np.eye(3)
+    pi[link_columns(0)] = CARRIED * np.array([1, *place, *np.zeros(6)])
+    pi[4:10] = moment[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+    motion = motion_of(free_base_of(arrays, "log"), lib.joint_names)
+    force = lib.inverse_dynamics(motion.q, motion.dq, motion.ddq, pi)
+    jacobian = contact_jacobian(lib, motion)
+    wrench = np.linalg.solve(jacobian[:, :, :6].swapaxes(1, 2), force[:, :6, None])[..., 0]
+    torque = force[:, 6:] - np.einsum("ncj,nc->nj", jacobian[:, :, 6:], wrench)
+    order = [list(arrays["joints"]).index(name) for name in lib.joint_names]
+    more = np.zeros_like(arrays["tau"])
+    more[:, order] = torque
+    wrenches = arrays["contact_wrench"] + wrench.reshape(arrays["contact_wrench"].shape)
+    return arrays | {"tau": arrays["tau"] + more, "contact_wrench": wrenches}
+
+
+def test_nothing_is_named_on_another_part_of_the_motion(hopper: Library, watched: Watched) -> None:
+    """Property: a part of the motion that was not fitted shows no change."""
+    verdict = watched.verdict(hopper, watched.second)
+    assert not verdict.changed
+    assert verdict.error < 2
+
+
+def test_a_body_that_is_carried_is_named(hopper: Library, watched: Watched) -> None:
+    """Oracle: forces and torques of the body; the mass is within its interval."""
+    verdict = watched.verdict(hopper, loaded(hopper, watched.second))
+    best = verdict.best
+    assert verdict.changed
+    assert (best.group, best.where) == ("payload", hopper.link_names[0])
+    assert best.interval is not None
+    assert best.interval[0] < CARRIED < best.interval[1]
+    assert best.interval[1] - best.interval[0] < 0.3 * CARRIED
+    assert watched.saved.pi[MASS] > 0
+
+
+@pytest.mark.parametrize(("group", "size"), [("sensor gain", 20.0), ("sensor bias", 2.5)])
+def test_a_torque_sensor_is_named(
+    hopper: Library, watched: Watched, group: str, size: float
+) -> None:
+    """Oracle: a torque × 1.2, or with 2.5 N more; rows of the base alone do not contain it."""
+    tau = watched.second["tau"].copy()
+    joint = 0 if group == "sensor gain" else 1
+    tau[:, joint] = tau[:, joint] * 1.2 if group == "sensor gain" else tau[:, joint] + size
+    verdict = watched.verdict(hopper, watched.second | {"tau": tau})
+    if watched.saved.record.rows == "base":
+        assert not verdict.changed
+        return
+    assert verdict.changed
+    assert (verdict.best.group, verdict.best.where) == (group, str(watched.second["joints"][joint]))
+    assert verdict.best.interval is not None
+    assert verdict.best.interval[0] < size < verdict.best.interval[1]
+
+
+def test_command(hopper: Library, watched: Watched, command: Command, tmp_path: Path) -> None:
+    """Property: exit code 1 for a change; the log of the model itself has p = 1."""
+    for name, arrays in (("first", watched.first), ("pack", loaded(hopper, watched.second))):
+        np.savez(tmp_path / f"{name}.npz", **arrays)  # type: ignore[arg-type]
+    words = ("--robot", hopper.folder, "--json")
+    same = command("watch", watched.folder, "first.npz", *words)
+    assert (same.code, json.loads(same.out)["p_value"]) == (0, 1.0)
+    ran = command("watch", watched.folder, "pack.npz", *words)
+    assert ran.code == 1
+    assert json.loads(ran.out)["group"] == "payload"
+    refused = command("watch", watched.folder, "pack.npz", *words[:2], "--recipe", "fr3")
+    assert refused.code == 2
+    assert "--recipe does not apply to a log of a free base" in refused.err
+
+
+def test_a_short_log_is_refused(hopper: Library, watched: Watched) -> None:
+    """Property: half a second of motion is too short, in a sentence."""
+    short = {k: x[:50] if len(x) == 1200 else x for k, x in watched.second.items()}
+    with pytest.raises(RuntimeFault, match="give a longer log"):
+        watched.verdict(hopper, short)

@@ -5,6 +5,7 @@ prints the sentences of the list; the help of one command comes from its docstri
 """
 
 import errno
+import functools
 import io
 import os
 import sys
@@ -204,8 +205,9 @@ def _require_usual(option: str, value: Any) -> None:
                     )
 
 
+@functools.cache
 def imported(command: Command) -> Any:
-    """Command of Typer, from its module."""
+    """Command of Typer, from its module; made once, since a process may run it many times."""
     function = getattr(import_module(command.module), f"{command.name}_command")
     app = typer.Typer(
         add_completion=False,

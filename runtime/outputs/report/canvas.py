@@ -170,9 +170,19 @@ def picture(path: Path, size: tuple[float, float], dpi: float) -> "Iterator[Figu
     suffix = picture_format(path)
     with blank(size, settings(), dpi) as figure:
         yield figure
+        if suffix == "png":  # the others are laid out once more, at 72 dots per inch
+            arrange(figure)
         with replacing(path) as file:  # without the version of matplotlib
             metadata = {"Software": None} if suffix == "png" else None
             figure.savefig(file, format=suffix, metadata=metadata)
+
+
+def arrange(figure: "Figure") -> None:
+    """Place the axes once; savefig would draw everything once more for it."""
+    layout = figure.get_layout_engine()
+    if layout is not None:
+        layout.execute(figure)
+        figure.set_layout_engine(None)
 
 
 def heading(figure: "Figure", text: str) -> None:
@@ -193,10 +203,7 @@ def svg(figure: "Figure", name: str) -> Markup:
     from matplotlib import rc_context
 
     buffer = io.StringIO()
-    layout = figure.get_layout_engine()
-    if layout is not None:  # once; savefig would draw everything once more for it
-        layout.execute(figure)
-        figure.set_layout_engine("none")
+    arrange(figure)
     with rc_context({"svg.hashsalt": name}):
         figure.savefig(
             buffer,

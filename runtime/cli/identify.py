@@ -37,6 +37,7 @@ from runtime.library import Array, Library
 from runtime.outputs.model_files.export import write_urdf
 from runtime.outputs.report.report import left_out_table, write_report
 from runtime.recording import read_recording
+from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.streamed import StreamedRecording, is_large, open_log
 
 LEFT_OUT = "Leave one log out: torque error of each log"
@@ -61,13 +62,14 @@ def command_after(doubt: str, inspect: str, record: ResultRecord, robot: str) ->
     """Command that follows a doubt, as it is typed; "" without one."""
     columns = () if record.friction is None else record.friction.columns
     again = command_line() + (" " if "--overwrite" in sys.argv else " --overwrite ")
+    has_sensors = record.torque_source != COMMANDED
     built = f"python -m symgen build --robot {shlex.quote(robot)} --name {record.robot}_tilted "
     commands = {  # after a space follows what was found
         r"--(?:delay|friction|cutoff) auto|--settings encoder_bias=true": again,
         r"columns of --friction": f"{again}--friction {','.join((*columns, 'offset'))}",
         r"\buse map\b": f"{again}--method map",
         r"--gravity=\S+": built,
-        r"\bruntime gains\b": inspect.replace(" inspect ", " gains ", 1),
+        r"\bruntime gains\b": inspect.replace(" inspect ", " gains ", 1) if has_sensors else "",
         r"\brecord\b": f"{program()} excite --robot {shlex.quote(robot)}",
         r"\binspect\b|(in|of) a recipe": "" if inspect in doubt else inspect,
     }

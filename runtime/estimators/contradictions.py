@@ -298,7 +298,7 @@ def remedy_of(lib: Library, cause: Cause) -> str:
         return f"measure its angles, or build the robot with --gravity={gravity}"
     return {
         GAIN: f"check the torque constant of {name}, or estimate the gains of all joints by "
-        "python -m runtime gains",
+        "python -m runtime gains; of a commanded torque check the gains of its law",
         DELAY: "correct it with --delay auto",
         ZERO: f"calibrate the zero of {name}, or estimate it by identify --settings "
         "encoder_bias=true",

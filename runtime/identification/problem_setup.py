@@ -36,7 +36,7 @@ from runtime.recording.friction.model import left_out_note, unresolved, without_
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.parts import prepared_parts, rows_between
 from runtime.recording.preprocessing.pipeline import prepare_power
-from runtime.recording.settings import EVERYTHING
+from runtime.recording.settings import COLUMNS, EVERYTHING
 
 __all__ = ["Assembly", "assemble"]
 
@@ -235,7 +235,7 @@ def assembled(
         terms=terms,
         column_names=names,
         left_out=rounding.ravel(),
-        friction_prior=known_friction(settings, names, terms),
+        friction_prior=known_friction(lib, settings, names, terms),
         noise_floor=prior.noise if prior and regressor == "acceleration" else None,
     )
     return Assembly(
@@ -274,25 +274,28 @@ def _aligned(
 
 
 def known_friction(
-    settings: Settings, columns: tuple[str, ...], friction: Friction
+    lib: Library, settings: Settings, columns: tuple[str, ...], friction: Friction
 ) -> FrictionPrior | None:
-    """Prior of the friction coefficients, of the settings or of a file of priors."""
-    prior, stated = settings.prior, settings.friction_prior
+    """Prior of the friction coefficients: of the settings, of a file of priors, of the columns."""
+    prior, stated, known = settings.prior, settings.friction_prior, list[FrictionPrior]()
     if isinstance(stated, KnownFriction):
-        return stated.of(friction, columns)
-    if stated is not None or prior is None:
-        return stated
-    known = None if prior.friction is None else prior.friction.of(friction, columns)
-    if prior.armature is None:
-        return known
-
-    rotors = friction_prior_of(prior.armature, columns)
-    if known is None:
-        return rotors
-    is_stated = np.isfinite(rotors.sigma)
-    return FrictionPrior(
-        np.where(is_stated, rotors.mean, known.mean), np.where(is_stated, rotors.sigma, known.sigma)
-    )
+        known.append(stated.of(friction, columns))
+    elif stated is not None:
+        known.append(stated)
+    elif prior is not None:
+        known += [] if prior.armature is None else [friction_prior_of(prior.armature, columns)]
+        known += [] if prior.friction is None else [prior.friction.of(friction, columns)]
+    weak = np.array([COLUMNS[c].prior_sigma if c in COLUMNS else np.inf for c in columns])
+    if np.isfinite(weak).any():
+        sigma = np.tile(weak, (lib.n_joints, 1))
+        known.append(FrictionPrior(np.zeros_like(sigma), sigma))
+    if not known:
+        return None
+    mean, sigma = known[-1].mean, known[-1].sigma
+    for each in reversed(known[:-1]):
+        is_stated = np.isfinite(each.sigma)
+        mean, sigma = np.where(is_stated, each.mean, mean), np.where(is_stated, each.sigma, sigma)
+    return FrictionPrior(mean, sigma)
 
 
 def settings_for(lib: Library, settings: Settings) -> Settings:

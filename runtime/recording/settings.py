@@ -7,7 +7,7 @@ import dataclasses
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
-from math import isfinite
+from math import inf, isfinite
 from typing import Any
 
 import numpy as np
@@ -63,6 +63,7 @@ class FrictionColumn:
     is_torque: bool = False
     # its scale is that of the inertial prior, which the method has to have
     needs_prior: bool = False
+    prior_sigma: float = inf  # standard deviation of φ about 0 without a log
     # at the speed of motors that drive several joints (`friction.coupled_motors`)
     of_motors: bool = False
     # term of simulators' joints that it stands for: "damping", "friction" (dry), "armature"; ""

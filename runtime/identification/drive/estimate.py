@@ -151,7 +151,7 @@ def linearised_at(
 ) -> LinearisedDrive:
     """The step to the minimum of the linearised problem."""
     settings = problem.settings
-    known = known_friction(settings, result.friction.columns, result.friction)
+    known = known_friction(result.lib, settings, result.friction.columns, result.friction)
     return linearised(
         result,
         problem.request,

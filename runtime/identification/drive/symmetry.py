@@ -263,7 +263,9 @@ def tied_prior(
     """Prior of friction that ties mirrored joints."""
     columns, phi = result.friction.columns, result.phi
     # Several logs have offsets of their own behind the columns that they share.
-    known = known_friction(settings, result.train.column_names or columns, result.friction)
+    known = known_friction(
+        result.lib, settings, result.train.column_names or columns, result.friction
+    )
     mean = np.zeros_like(phi) if known is None else known.mean.copy()
     sigma = np.full_like(phi, np.inf) if known is None else known.sigma.copy()
     group = np.arange(len(phi))

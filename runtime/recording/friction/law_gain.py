@@ -36,6 +36,8 @@ LAW_GAIN = FrictionColumn(
     is_passive=False,
     is_torque=True,
     needs_prior=True,
+    # Where friction is all of the torque, every gain explains it as well.
+    prior_sigma=10.0,
     omitted="torques are those at the joints; the law has to command them over its gains, 1 + φ of "
     "law_gain",
     sentences=_sentences,

@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from runtime.errors import RecordingError
+from runtime.estimators.problem import FrictionPrior
 from runtime.identification.posterior_file import friction_sigma
+from runtime.identification.problem_setup import known_friction
+from runtime.identification.settings import Settings
 from runtime.identification.single_log import identify_recording
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording, read_recording
@@ -65,6 +68,16 @@ def test_a_common_factor_is_that_of_the_prior(lib: Library, tmp_path: Path) -> N
     np.testing.assert_allclose(1 + two.phi[:, 4], 2 * (1 + one.phi[:, 4]), rtol=2e-3)
     np.testing.assert_allclose(two.phi[:, :4], one.phi[:, :4], rtol=5e-3, atol=2e-3)
     np.testing.assert_allclose(two.beta, one.beta, rtol=5e-3, atol=2e-3)
+
+
+def test_a_gain_has_a_weak_prior_beside_stated_ones(lib: Library) -> None:
+    """Property: σ of a gain is 10 where no prior is stated: friction alone determines no scale."""
+    stated = FrictionPrior(np.ones((lib.n_joints, 5)), np.full((lib.n_joints, 5), np.inf))
+    stated.sigma[:, 3] = 0.1
+    known = known_friction(lib, Settings(friction_prior=stated), TERMS.columns, TERMS)
+    assert known is not None
+    np.testing.assert_array_equal(known.sigma[0], [*[np.inf] * 3, 0.1, 10.0])
+    np.testing.assert_array_equal(known.mean[0, 3:], [1.0, 0.0])
 
 
 def test_the_column_is_the_slope_by_the_gain(lib: Library, tmp_path: Path) -> None:

@@ -39,14 +39,6 @@ def renamed_joints(of_log: Collection[str], robot: Sequence[str]) -> tuple[str, 
     return tuple(fitting[0] + stem for stem in stems) if len(fitting) == 1 else ()
 
 
-def renaming_note(of_log: Sequence[str], robot: Sequence[str]) -> str:
-    """Sentence on joints that were renamed."""
-    return (
-        f"The joints {of_log[0]} … {of_log[-1]} of the log count as {robot[0]} … {robot[-1]} of "
-        "the robot."
-    )
-
-
 APART, OF_RANGE = 0.02, 0.2
 """A log contradicts a coupling where the median distance exceeds APART [rad, m] and this share of
 the joint's range: backlash and sensor offsets are smaller, a wrong factor or sign is larger."""

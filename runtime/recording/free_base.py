@@ -106,6 +106,71 @@ _ZIP = b"PK"
 """First bytes of an NPZ."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _File:
+    """Arrays of a file, and its name for messages."""
+
+    name: str
+    arrays: dict[str, NDArray]
+
+    def __contains__(self, key: str) -> bool:
+        return key in self.arrays
+
+    def word(self, key: str, choices: tuple[str, ...]) -> str:
+        """A word of a choice; the first where the file has none."""
+        value = np.asarray(self.arrays.get(key, choices[0]))
+        value = value.reshape(()) if value.size == 1 else value
+        word = str(_texts(value))
+        if word not in choices:
+            raise RecordingError(
+                f"{self.name}: {key} is '{word}', expected one of {', '.join(choices)}; correct it"
+            )
+        return word
+
+    def names(self, key: str) -> tuple[str, ...]:
+        """Names of an array of texts or of bytes, which HDF5 and older NumPy write."""
+        values = self.arrays.get(key, np.array([], dtype=str))
+        return tuple(map(str, _texts(np.atleast_1d(values))))
+
+    def optional(self, key: str, *shape: int) -> FloatArray | None:
+        """Numbers of a shape; None where the file has no such array."""
+        return self.numbers(key, *shape) if key in self else None
+
+    def numbers(self, key: str, *shape: int | str, finite: bool = True) -> FloatArray:
+        """Numbers of a shape, in which a text is any size."""
+        if key not in self:
+            raise RecordingError(
+                f"{self.name} has no array {key}; save it with numpy.savez({key}=…)"
+            )
+        array = self.arrays[key]
+        if not shape and array.size == 1:
+            array = array.reshape(())
+        fits = array.ndim == len(shape) and all(
+            isinstance(wanted, str) or wanted == size
+            for wanted, size in zip(shape, array.shape, strict=True)
+        )
+        if array.dtype.kind not in "fiub" or not fits:
+            raise RecordingError(
+                f"{self.name}: {key} needs real numbers of shape ({', '.join(map(str, shape))}), "
+                f"got {array.dtype} of shape {array.shape}"
+            )
+        values = np.ascontiguousarray(array, dtype=float)
+        bad = ~np.isfinite(values) if finite else np.isinf(values)
+        if bad.any():
+            rows = np.flatnonzero(bad.reshape(len(values), -1).any(axis=1)) if values.ndim else [0]
+            remedy = "remove these rows" if finite else "state what was not measured as NaN"
+            raise RecordingError(
+                f"{self.name}: {key} has {'NaN or infinite' if finite else 'infinite'} values, the "
+                f"first in row {rows[0]}; {remedy}"
+            )
+        return values
+
+
+def _texts(values: NDArray) -> NDArray:
+    """Texts of bytes; others as they are. Bytes of another encoding become a replacement mark."""
+    return np.char.decode(values, "utf-8", "replace") if values.dtype.kind == "S" else values
+
+
 def read_free_base(path: Path) -> FreeBaseRecording:
     """Read an NPZ of this layout."""
     try:
@@ -123,6 +188,7 @@ def read_free_base(path: Path) -> FreeBaseRecording:
 
 def free_base_of(arrays: dict[str, NDArray], name: str) -> FreeBaseRecording:
     """The recording that arrays of this layout hold; the name of their file is for messages."""
+    file = _File(name, arrays)
     unknown = sorted(key for key in arrays if key.startswith(("base_", "contact_")))
     unknown = [key for key in unknown if key not in _KEYS]
     if unknown:
@@ -130,7 +196,7 @@ def free_base_of(arrays: dict[str, NDArray], name: str) -> FreeBaseRecording:
             f"{name} has the array {unknown[0]}, expected those of a robot with a free base: "
             f"{', '.join(key for key in _KEYS if key.startswith(('base_', 'contact_')))}; rename it"
         )
-    t = numbers_of(arrays, "t", name, ("N",))
+    t = file.numbers("t", "N")
     count = len(t)
     steps = np.diff(t)
     if count < _FEWEST_ROWS or not (steps > 0).all():
@@ -138,23 +204,19 @@ def free_base_of(arrays: dict[str, NDArray], name: str) -> FreeBaseRecording:
             f"{name} needs {_FEWEST_ROWS} or more instants t that increase, got {count}; sort the "
             "rows"
         )
-    q = numbers_of(arrays, "q", name, (count, "n"))
-    shape = q.shape
-
-    def optional(key: str, *sizes: int) -> FloatArray | None:
-        return numbers_of(arrays, key, name, sizes) if key in arrays else None
-
-    rotation, position = pose_of(arrays, name, count)
-    names = names_of(arrays, "joints")
-    if names and len(names) != shape[1]:
+    q = file.numbers("q", count, "n")
+    rotation, position = _pose(file, count)
+    names = file.names("joints")
+    if names and len(names) != q.shape[1]:
         raise RecordingError(
-            f"{name} names {len(names)} joints, but q has {shape[1]} columns; name every column"
+            f"{name} names {len(names)} joints, but q has {q.shape[1]} columns; name every column"
         )
-    dq = optional("dq", *shape)
-    command = _commanded(arrays, name, q, dq)
-    twist, acceleration = optional("base_twist", count, 6), optional("base_acceleration", count, 6)
-    if "imu_gyro" in arrays or "imu_acceleration" in arrays:
-        twist, acceleration = _from_imu(arrays, name, t, rotation)
+    dq = file.optional("dq", *q.shape)
+    command = _commanded(file, q, dq)
+    twist = file.optional("base_twist", count, 6)
+    acceleration = file.optional("base_acceleration", count, 6)
+    if "imu_gyro" in file or "imu_acceleration" in file:
+        twist, acceleration = _from_imu(file, t, rotation)
         position = np.zeros_like(position)
     return FreeBaseRecording(
         name=name,
@@ -163,10 +225,10 @@ def free_base_of(arrays: dict[str, NDArray], name: str) -> FreeBaseRecording:
         joint_names=names,
         rotation=rotation,
         position=position,
-        contacts=contacts_of(arrays, name, count),
+        contacts=_contacts(file, count),
         dq=dq,
-        ddq=optional("ddq", *shape),
-        tau=optional("tau", *shape) if command is None else command,
+        ddq=file.optional("ddq", *q.shape),
+        tau=file.optional("tau", *q.shape) if command is None else command,
         twist=twist,
         acceleration=acceleration,
         unread=tuple(sorted(set(arrays) - set(_KEYS))),
@@ -174,51 +236,44 @@ def free_base_of(arrays: dict[str, NDArray], name: str) -> FreeBaseRecording:
     )
 
 
-def _commanded(
-    arrays: dict[str, NDArray], name: str, q: FloatArray, dq: FloatArray | None
-) -> FloatArray | None:
+def _commanded(file: _File, q: FloatArray, dq: FloatArray | None) -> FloatArray | None:
     """Commanded torque (N, n) of an array or of a control law; None for none."""
-    given = [key for key in ("tau", "tau_command", "q_des") if key in arrays]
+    given = [key for key in ("tau", "tau_command", "q_des") if key in file]
     if len(given) > 1:
         raise RecordingError(
-            f"{name} has {given[0]} and {given[1]}; keep tau where torques were measured, else "
-            "tau_command or q_des of the control law"
+            f"{file.name} has {given[0]} and {given[1]}; keep tau where torques were measured, "
+            "else tau_command or q_des of the control law"
         )
-    if "tau_command" in arrays:
-        return numbers_of(arrays, "tau_command", name, q.shape)
-    if "q_des" not in arrays:
-        return None
+    if "q_des" not in file:
+        return file.optional("tau_command", *q.shape)
     if dq is None:
-        raise RecordingError(f"{name}: the control law of q_des needs dq; give tau_command instead")
+        raise RecordingError(
+            f"{file.name}: the control law of q_des needs dq; give tau_command instead"
+        )
 
     def gain(key: str) -> FloatArray:
-        size = () if np.size(arrays.get(key, np.zeros(2))) == 1 else (q.shape[1],)
-        return np.broadcast_to(numbers_of(arrays, key, name, size), q.shape[1:])
+        size = () if np.size(file.arrays.get(key, np.zeros(2))) == 1 else (q.shape[1],)
+        return np.broadcast_to(file.numbers(key, *size), q.shape[1:])
 
     def wanted(key: str) -> FloatArray:
-        return numbers_of(arrays, key, name, q.shape) if key in arrays else np.zeros_like(q)
+        return file.numbers(key, *q.shape) if key in file else np.zeros_like(q)
 
-    error = numbers_of(arrays, "q_des", name, q.shape) - q
+    error = file.numbers("q_des", *q.shape) - q
     return gain("kp") * error + gain("kd") * (wanted("dq_des") - dq) + wanted("tau_ff")
 
 
-def _from_imu(
-    arrays: dict[str, NDArray], name: str, t: FloatArray, rotation: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _from_imu(file: _File, t: FloatArray, rotation: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Twist and acceleration, (N, 6) each, by f = v̇ + ω̇ × p + ω × (ω × p) − Rᵀ g at v = 0.
 
     The equations depend on v̇ + ω × v alone, so that v may be any velocity.
     """
-    if any(key in arrays for key in ("base_twist", "base_acceleration", "base_position")):
+    if any(key in file for key in ("base_twist", "base_acceleration", "base_position")):
         raise RecordingError(
-            f"{name} has readings of an IMU beside base_position, base_twist or base_acceleration; "
-            "keep either"
+            f"{file.name} has readings of an IMU beside base_position, base_twist or "
+            "base_acceleration; keep either"
         )
-    omega = numbers_of(arrays, "imu_gyro", name, (len(t), 3))
-    felt = numbers_of(arrays, "imu_acceleration", name, (len(t), 3))
-    place = np.zeros(3)
-    if "imu_position" in arrays:
-        place = numbers_of(arrays, "imu_position", name, (3,))
+    omega, felt = (file.numbers(key, len(t), 3) for key in ("imu_gyro", "imu_acceleration"))
+    place = file.numbers("imu_position", 3) if "imu_position" in file else np.zeros(3)
     alpha = np.gradient(omega, t, axis=0)
     fall = np.einsum("nji,j->ni", rotation, [0.0, 0.0, -GRAVITY])
     linear = felt + fall - np.cross(alpha, place) - np.cross(omega, np.cross(omega, place))
@@ -234,50 +289,54 @@ _LIFTED = 2.0
 _KINDS, _AXES = ("surface", "point"), ("link", "world")
 
 
-def contacts_of(arrays: dict[str, NDArray], name: str, count: int) -> Contacts:
+def _contacts(file: _File, count: int) -> Contacts:
     """Contacts that arrays of a log hold."""
-    links = names_of(arrays, "contact_links")
+    name, links = file.name, file.names("contact_links")
     size = len(links)
-    given = sorted(key for key in arrays if key.startswith("contact_"))
+    given = sorted(key for key in file.arrays if key.startswith("contact_"))
     if given and not size:
         raise RecordingError(f"{name} has {given[0]}, but no contact_links; name the links")
     position = np.zeros((size, 3))
-    if "contact_position" in arrays:
-        position = numbers_of(arrays, "contact_position", name, (size, 3))
+    if "contact_position" in file:
+        position = file.numbers("contact_position", size, 3)
     _require_distinct(links, position, name)
-    kind = word_of(arrays, "contact_kind", name, _KINDS)
-    axes = word_of(arrays, "contact_axes", name, _AXES)
+    kind, axes = file.word("contact_kind", _KINDS), file.word("contact_axes", _AXES)
     wrench = np.full((count, size, 6), UNKNOWN)
     if kind == "point":
         wrench[:, :, 3:] = 0.0
-    if "contact_wrench" in arrays and "contact_force_z" in arrays:
+    if "contact_wrench" in file and "contact_force_z" in file:
         raise RecordingError(
             f"{name} has contact_wrench and contact_force_z; keep one of them, with NaN for "
             "components of contact_wrench that were not measured"
         )
-    if "contact_wrench" in arrays:
-        measured = numbers_of(arrays, "contact_wrench", name, (count, size, 6), finite=False)
+    if "contact_wrench" in file:
+        measured = file.numbers("contact_wrench", count, size, 6, finite=False)
         wrench = np.where(np.isnan(measured), wrench, measured)
-    if "contact_force_z" in arrays:
+    if "contact_force_z" in file:
         axes = "world"
-        wrench[:, :, 2] = numbers_of(arrays, "contact_force_z", name, (count, size))
+        wrench[:, :, 2] = file.numbers("contact_force_z", count, size)
     sensed = np.ones((count, size))
-    if "contact_flags" in arrays:
-        flags = numbers_of(arrays, "contact_flags", name, (count, size))
+    if "contact_flags" in file:
+        flags = file.numbers("contact_flags", count, size)
         _require_lifted_unloaded(wrench[..., :3], flags != 0, name)
         wrench[flags == 0] = 0.0
         sensed[flags == 0] = 0.0
 
-    def of_sensors(
-        key: str, shape: tuple[int, ...], wanted: str, zero: bool = True
-    ) -> FloatArray | None:
-        return _of_sensors(arrays, f"contact_force_z_{key}", name, shape, wanted, zero)
+    def of_sensors(word: str, wanted: str, *shape: int, zero: bool = True) -> FloatArray | None:
+        """Property of the sensors of the vertical forces; None where the log does not state it."""
+        key = f"contact_force_z_{word}"
+        values = file.optional(key, *shape)
+        if values is None:
+            return None
+        if "contact_force_z" not in file or not (values >= 0).all() or not (zero or values.all()):
+            raise RecordingError(f"{name}: {key} needs {wanted}; correct or remove it")
+        return values
 
     beside = "contact_force_z beside"
-    sigma = of_sensors("sigma", (size,), f"numbers of at least 0 [N] and {beside} them")
-    sharing = of_sensors("sharing", (), f"a number of at least 0 and {beside} it")
-    crosstalk = of_sensors("crosstalk", (2,), f"two numbers of at least 0 [1/m] and {beside} them")
-    cutoff = of_sensors("cutoff", (), f"a number above 0 [Hz] and {beside} it", zero=False)
+    sigma = of_sensors("sigma", f"numbers of at least 0 [N] and {beside} them", size)
+    sharing = of_sensors("sharing", f"a number of at least 0 and {beside} it")
+    crosstalk = of_sensors("crosstalk", f"two numbers of at least 0 [1/m] and {beside} them", 2)
+    cutoff = of_sensors("cutoff", f"a number above 0 [Hz] and {beside} it", zero=False)
     return Contacts(
         links,
         position,
@@ -288,7 +347,7 @@ def contacts_of(arrays: dict[str, NDArray], name: str, count: int) -> Contacts:
         crosstalk,
         None if cutoff is None else cutoff.item(),
         sensed,
-        "contact_flags" in arrays,
+        "contact_flags" in file,
     )
 
 
@@ -300,18 +359,6 @@ def _require_distinct(links: tuple[str, ...], position: FloatArray, name: str) -
                 f"{name}: contact_links names '{link}' twice at the same point; correct the name, "
                 "or give contact_position"
             )
-
-
-def _of_sensors(
-    arrays: dict[str, NDArray], key: str, name: str, shape: tuple[int, ...], wanted: str, zero: bool
-) -> FloatArray | None:
-    """Property of the sensors of the vertical forces; None where the log does not state it."""
-    if key not in arrays:
-        return None
-    values = numbers_of(arrays, key, name, shape)
-    if "contact_force_z" not in arrays or not (values >= 0).all() or not (zero or values.all()):
-        raise RecordingError(f"{name}: {key} needs {wanted}; correct or remove it")
-    return values
 
 
 def _require_lifted_unloaded(force: FloatArray, touching: NDArray[np.bool_], name: str) -> None:
@@ -336,48 +383,48 @@ _SAME = 1e-3
 _EULER = ("base_position", "base_rpy")
 
 
-def pose_of(arrays: dict[str, NDArray], name: str, count: int) -> tuple[FloatArray, FloatArray]:
+def _pose(file: _File, count: int) -> tuple[FloatArray, FloatArray]:
     """Rotation and position of the base, (N, 3, 3) [m]."""
-    missing = [key for key in _EULER if key not in arrays]
-    if "imu_acceleration" in arrays and "base_rpy" not in missing and "base_pose" not in arrays:
-        return _rotation(arrays, name, count), np.zeros((count, 3))
-    if "base_pose" not in arrays:
+    missing = [key for key in _EULER if key not in file]
+    if "imu_acceleration" in file and "base_rpy" not in missing and "base_pose" not in file:
+        return _rotation(file, count), np.zeros((count, 3))
+    if "base_pose" not in file:
         if missing:
             raise RecordingError(
-                f"{name} has no motion of the base: expected base_pose, or base_position and "
+                f"{file.name} has no motion of the base: expected base_pose, or base_position and "
                 f"base_rpy; {missing[0]} is missing"
             )
-        position = numbers_of(arrays, "base_position", name, (count, 3))
-        return _rotation(arrays, name, count), position
-    rotation, position = _from_pose(arrays, name, count)
+        return _rotation(file, count), file.numbers("base_position", count, 3)
+    rotation, position = _from_pose(file, count)
+    differences: dict[str, float] = {}
     if "base_rpy" not in missing:
-        _require_same(np.abs(_rotation(arrays, name, count) - rotation).max(), "base_rpy", name)
+        differences["base_rpy"] = np.abs(_rotation(file, count) - rotation).max()
     if "base_position" not in missing:
-        other = numbers_of(arrays, "base_position", name, (count, 3))
-        _require_same(np.abs(other - position).max(), "base_position", name)
+        other = file.numbers("base_position", count, 3)
+        differences["base_position"] = np.abs(other - position).max()
+    for key, difference in differences.items():
+        if difference > _SAME:
+            raise RecordingError(
+                f"{file.name}: base_pose and {key} differ by up to {difference:.2g}; keep the "
+                "right one"
+            )
     return rotation, position
 
 
-def _require_same(difference: float, key: str, name: str) -> None:
-    if difference > _SAME:
-        raise RecordingError(
-            f"{name}: base_pose and {key} differ by up to {difference:.2g}; keep the right one"
-        )
-
-
-def _rotation(arrays: dict[str, NDArray], name: str, count: int) -> FloatArray:
-    rpy = numbers_of(arrays, "base_rpy", name, (count, 3))
+def _rotation(file: _File, count: int) -> FloatArray:
+    rpy = file.numbers("base_rpy", count, 3)
     pitch = float(np.abs(rpy[:, 1]).max())
     if pitch > np.pi:
         raise RecordingError(
-            f"{name}: base_rpy reaches a pitch of {pitch:.3g}, expected at most π rad; convert "
-            "degrees to rad"
+            f"{file.name}: base_rpy reaches a pitch of {pitch:.3g}, expected at most π rad; "
+            "convert degrees to rad"
         )
     return np.asarray(Rotation.from_euler("xyz", rpy).as_matrix())
 
 
-def _from_pose(arrays: dict[str, NDArray], name: str, count: int) -> tuple[FloatArray, FloatArray]:
-    pose = numbers_of(arrays, "base_pose", name, (count, *np.shape(arrays["base_pose"])[1:]))
+def _from_pose(file: _File, count: int) -> tuple[FloatArray, FloatArray]:
+    name = file.name
+    pose = file.numbers("base_pose", count, *np.shape(file.arrays["base_pose"])[1:])
     if pose.shape[1:] == (4, 4):
         turn, position = pose[:, :3, :3], pose[:, :3, 3]
         error = np.abs(turn @ np.swapaxes(turn, 1, 2) - np.eye(3)).max()
@@ -400,59 +447,3 @@ def _from_pose(arrays: dict[str, NDArray], name: str, count: int) -> tuple[Float
             "from the axes of the base to those of the world"
         )
     return np.asarray(turn), position
-
-
-def word_of(arrays: dict[str, NDArray], key: str, name: str, choices: tuple[str, ...]) -> str:
-    """A word of a choice; the first where the file has none."""
-    value = np.asarray(arrays.get(key, choices[0]))
-    value = value.reshape(()) if value.size == 1 else value
-    word = str(_texts(value))
-    if word not in choices:
-        raise RecordingError(
-            f"{name}: {key} is '{word}', expected one of {', '.join(choices)}; correct it"
-        )
-    return word
-
-
-def names_of(arrays: dict[str, NDArray], key: str) -> tuple[str, ...]:
-    """Names of an array of texts or of bytes, which HDF5 and older NumPy write."""
-    return tuple(map(str, _texts(np.atleast_1d(arrays.get(key, np.array([], dtype=str))))))
-
-
-def _texts(values: NDArray) -> NDArray:
-    """Texts of bytes; others as they are. Bytes of another encoding become a replacement mark."""
-    return np.char.decode(values, "utf-8", "replace") if values.dtype.kind == "S" else values
-
-
-def numbers_of(
-    arrays: dict[str, NDArray],
-    key: str,
-    name: str,
-    shape: tuple[int | str, ...],
-    finite: bool = True,
-) -> FloatArray:
-    """Numbers of a shape, in which a text is any size."""
-    if key not in arrays:
-        raise RecordingError(f"{name} has no array {key}; save it with numpy.savez({key}=…)")
-    array = arrays[key]
-    if not shape and array.size == 1:
-        array = array.reshape(())
-    fits = array.ndim == len(shape) and all(
-        isinstance(wanted, str) or wanted == size
-        for wanted, size in zip(shape, array.shape, strict=True)
-    )
-    if array.dtype.kind not in "fiub" or not fits:
-        raise RecordingError(
-            f"{name}: {key} needs real numbers of shape ({', '.join(map(str, shape))}), got "
-            f"{array.dtype} of shape {array.shape}"
-        )
-    values = np.ascontiguousarray(array, dtype=float)
-    bad = ~np.isfinite(values) if finite else np.isinf(values)
-    if bad.any():
-        row = int(np.flatnonzero(bad.reshape(len(values), -1).any(axis=1))[0]) if values.ndim else 0
-        remedy = "remove these rows" if finite else "state what was not measured as NaN"
-        raise RecordingError(
-            f"{name}: {key} has {'NaN or infinite' if finite else 'infinite'} values, the first in "
-            f"row {row}; {remedy}"
-        )
-    return values

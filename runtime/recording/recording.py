@@ -215,14 +215,11 @@ class Recording(Framed):
     def titled(self) -> tuple[list[str], FloatArray]:
         """Titles t, q1 … qn, … of all signals that are present, and their columns (N, m)."""
         titles, blocks = ["t"], [self.t[:, None]]
-        for key in SIGNALS:
-            values = getattr(self, key)
+        motion = {key: getattr(self, key) for key in SIGNALS}
+        for key, values in {**motion, **self.signals}.items():
             if values is not None:
                 titles += [f"{key}{joint}" for joint in range(1, self.n_joints + 1)]
                 blocks.append(values)
-        for key, values in self.signals.items():
-            titles += [f"{key}{joint}" for joint in range(1, self.n_joints + 1)]
-            blocks.append(values)
         return titles, np.hstack(blocks)
 
     def columns_of_frame(self) -> dict[str, FloatArray]:
@@ -366,13 +363,10 @@ def complete_arrays(recording: Recording, *keys: str) -> dict[str, FloatArray]:
     return dense
 
 
-def _uptime(recording: Recording) -> FloatArray:
-    elapsed = recording.t - (recording.start or 0.0)
-    return np.repeat(elapsed[:, None], recording.n_joints, axis=1)
-
-
 DERIVED = {
-    "uptime": DerivedSignal(_uptime, "[time]"),
+    "uptime": DerivedSignal(
+        lambda r: np.repeat((r.t - (r.start or 0.0))[:, None], r.n_joints, axis=1), "[time]"
+    ),
     "commanded_torque": DerivedSignal(
         lambda r: r.tau if r.torque_source == COMMANDED else None, "[torque] with a law"
     ),

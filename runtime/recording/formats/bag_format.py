@@ -14,6 +14,7 @@ row can follow, so that late messages are sorted in.
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -21,17 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
-from runtime.recording.coupled_joints import renamed_joints, renaming_note
+from runtime.recording.coupled_joints import renamed_joints
 from runtime.recording.formats import FOLDERS
 from runtime.recording.formats.bag_messages import Message, messages
-from runtime.recording.formats.log_format import (
-    Extras,
-    LogFormat,
-    LogReader,
-    LogRows,
-    RawFile,
-    Texts,
-)
+from runtime.recording.formats.log_format import Extras, LogFormat, LogReader, LogRows, Texts
 from runtime.recording.formats.tables import MAX_CORRUPT, LogTable, Spool, SpooledRows
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 
@@ -95,8 +89,10 @@ class Publisher:
         ticks, values = np.zeros(0, dtype=np.int64), np.zeros((0, 3 * len(self.names)))
         earliest = [place[2 if by_stamp else 3] for place in self._places]
         for k, (start, count, *_) in enumerate(self._places):
-            more = self._piece(start, count, by_stamp)
-            ticks, values = np.concatenate([ticks, more[0]]), np.concatenate([values, more[1]])
+            numbers = self.spool.read(start, count * (2 + values.shape[1]))
+            stamps, rows = numbers[: 2 * count].view(np.int64), numbers[2 * count :]
+            ticks = np.concatenate([ticks, stamps[(0 if by_stamp else 1) :: 2]])
+            values = np.concatenate([values, rows.reshape(count, -1)])
             order = np.argsort(ticks, kind="stable")
             ticks, values = ticks[order], values[order]
             still = min(earliest[k + 1 :], default=int(ticks[-1]))
@@ -115,12 +111,6 @@ class Publisher:
         by_stamp, by_log = ticks.min(axis=0).tolist()
         self._places.append((start, len(rows), by_stamp, by_log))
         self._ticks, self._values = array("q"), array("d")
-
-    def _piece(self, start: int, count: int, by_stamp: bool) -> tuple[Ticks, FloatArray]:
-        width = 3 * len(self.names)
-        numbers = self.spool.read(start, count * (2 + width))
-        ticks = numbers[: 2 * count].view(np.int64).reshape(-1, 2)[:, 0 if by_stamp else 1]
-        return ticks, numbers[2 * count :].reshape(-1, width)
 
 
 def merged(
@@ -234,7 +224,10 @@ def read_joint_states(
         listed = {name for groups in topics.values() for group in groups for name in group}
         wanted = renamed_joints(listed, robot) or robot
         if wanted != robot:
-            notes.append(renaming_note(wanted, robot))
+            notes.append(
+                f"The joints {wanted[0]} … {wanted[-1]} of the log count as {robot[0]} … "
+                f"{robot[-1]} of the robot."
+            )
     chosen = _topic(path.name, topic, topics, wanted)
     publishers = topics[chosen]
     names = wanted or tuple(dict.fromkeys(name for group in publishers for name in group))
@@ -325,13 +318,15 @@ UNITS = {"position": "rad", "velocity": "rad/s", "effort": "N*m"}
 class BagReader(LogReader):
     """Reader of a bag; its messages are merged once."""
 
-    def __init__(self, raw: RawFile) -> None:
-        super().__init__(raw)
-        self._merged: JointLog | None = None
+    @cached_property
+    def _messages(self) -> JointLog:
+        raw, recipe = self.raw, self.raw.recipe
+        robot = () if recipe.joints else raw.joints
+        return read_joint_states(raw.hashed(), recipe.topic, recipe.joints, robot)
 
     def convention(self) -> Recipe:
         """Recipe of the fields that the messages fill; the position is always expected."""
-        log = self._messages()
+        log = self._messages
         signals: dict[str, Any] = {
             "torque" if key == "effort" else key: Signal(unit=UNITS[key], layout="bag", key=key)
             for key in FIELDS
@@ -341,31 +336,20 @@ class BagReader(LogReader):
 
     def table(self, kind: str, part: Signal | Time) -> LogTable:
         """Field of JointState that a part of the recipe means."""
-        return self._messages().table(_field(kind, part), self.raw.name)
+        return self._messages.table(_field(kind, part), self.raw.name)
 
     def rows(self, parts: Mapping[str, Signal | Time]) -> LogRows:
         """Rows of merged messages."""
         keys = {kind: _field(kind, part) for kind, part in parts.items()}
-        return self._messages().rows(keys, self.raw.name)
+        return self._messages.rows(keys, self.raw.name)
 
     def extras(self) -> Extras:
-        """Names of the joints, once the messages are read."""
-        return Extras() if self._merged is None else Extras({"joint_names": self._merged.names})
+        """Names of the joints."""
+        return Extras({"joint_names": self._messages.names})
 
     def remarks(self) -> Texts:
-        """Sentences about the messages, once they are read."""
-        return () if self._merged is None else self._merged.remarks
-
-    def _messages(self) -> JointLog:
-        if self._merged is None:
-            raw = self.raw
-            self._merged = read_joint_states(
-                raw.hashed(),
-                raw.recipe.topic,
-                raw.recipe.joints,
-                () if raw.recipe.joints else raw.joints,
-            )
-        return self._merged
+        """Sentences about the messages."""
+        return self._messages.remarks
 
 
 def _field(kind: str, part: Signal | Time) -> str:

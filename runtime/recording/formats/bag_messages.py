@@ -196,7 +196,7 @@ def _of_mcap(path: Path, notes: list[str]) -> Iterator[Message]:
     streams = imported("mcap.stream_reader", "MCAP files")
     size = path.stat().st_size
     with path.open("rb") as file:
-        channels = _Channels(path.name)
+        channels = _Channels()
         reader = streams.StreamReader(file, emit_chunks=True, record_size_limit=size)
         read = 0
         try:
@@ -216,7 +216,8 @@ def _of_mcap(path: Path, notes: list[str]) -> Iterator[Message]:
                 f"Warning: {path.name} is cut short; its last {size - read} of {size} bytes are "
                 "not a whole record."
             )
-    channels.require_any()
+    if not channels.wanted:
+        _refuse(path.name, sorted(channels.topics))
 
 
 def _of_record(record: Any, channels: "_Channels", streams: Any) -> Iterator[Message]:
@@ -237,8 +238,7 @@ def _of_record(record: Any, channels: "_Channels", streams: Any) -> Iterator[Mes
 class _Channels:
     """Channels of an MCAP, and the decoders of those with JointState."""
 
-    def __init__(self, name: str) -> None:
-        self.name = name
+    def __init__(self) -> None:
         self.schemas: dict[int, str] = {}
         self.topics: set[str] = set()
         self.wanted: dict[int, tuple[str, Callable[[str, int, bytes], Message]]] = {}
@@ -247,10 +247,6 @@ class _Channels:
         self.topics.add(channel.topic)
         if self.schemas.get(channel.schema_id) in KNOWN and channel.id not in self.wanted:
             self.wanted[channel.id] = (channel.topic, _decoder(channel.message_encoding))
-
-    def require_any(self) -> None:
-        if not self.wanted:
-            _refuse(self.name, sorted(self.topics))
 
 
 def _refuse(name: str, topics: list[str]) -> None:
@@ -305,9 +301,8 @@ def _from_json(topic: str, logged: int, data: bytes) -> Message:
     seconds = next((stamp[key] for key in ("sec", "secs") if key in stamp), 0)
     rest = next((stamp[key] for key in ("nanosec", "nsec", "nsecs") if key in stamp), 0)
     names = tuple(map(str, state["name"]))
-    fields = ([_number(x) for x in state.get(k) or ()] for k in ("position", "velocity", "effort"))
+    fields = (
+        [float("nan") if x is None else float(x) for x in state.get(key) or ()]
+        for key in ("position", "velocity", "effort")
+    )
     return Message(topic, int(seconds) * _NANO + int(rest), logged, names, *fields)
-
-
-def _number(value: Any) -> float:
-    return float("nan") if value is None else float(value)

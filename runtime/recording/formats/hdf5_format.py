@@ -9,6 +9,7 @@ to other files and are refused. Numbers are read, object references and texts ar
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,6 @@ from runtime.recording.formats.log_format import (
     LogFormat,
     LogReader,
     LogRows,
-    RawFile,
     imported,
     require_whole_columns,
     undamaged,
@@ -62,13 +62,8 @@ class HdfLog:
         with self._opened() as file:
             self._list(file, "")
 
-    def table(self, key: str) -> LogTable:
-        """One array as rows, one per sample."""
-        rows = self.read(key, 0, None)
-        return LogTable(rows, np.arange(len(rows), dtype=np.int64))
-
     def read(self, key: str, start: int, stop: int | None) -> FloatArray:
-        """Rows of one array."""
+        """Rows of one array, one per sample."""
         shape = self.shape(key)
         with self._opened() as file:
             array = file[key]
@@ -198,13 +193,13 @@ def _is_matlab(array: Any) -> bool:
 class HdfReader(LogReader):
     """Reader of an HDF5 file; its arrays are listed once."""
 
-    def __init__(self, raw: RawFile) -> None:
-        super().__init__(raw)
-        self._listed: HdfLog | None = None
+    @cached_property
+    def _log(self) -> HdfLog:
+        return HdfLog(self.raw.hashed())
 
     def convention(self) -> Recipe:
         """Recipe of the arrays t, q …, at the top or in the only group that holds a q."""
-        present = self._log().shapes
+        present = self._log.shapes
         groups = [key.removesuffix("q") for key in present if key.endswith("/q")]
         prefix = groups[0] if "q" not in present and len(groups) == 1 else ""
         plan = arrays_convention(present, "hdf5", prefix)
@@ -213,24 +208,19 @@ class HdfReader(LogReader):
 
     def table(self, kind: str, part: Signal | Time) -> LogTable:
         """Array with the key of a part."""
+        rows = self._log.read(part.key, 0, None)
+        table = LogTable(rows, np.arange(len(rows), dtype=np.int64))
         columns = () if kind == "time" else part.columns
-        return picked(
-            self._log().table(part.key), columns, f"the array {part.key!r} of {self.raw.name}"
-        )
+        return picked(table, columns, f"the array {part.key!r} of {self.raw.name}")
 
     def rows(self, parts: Mapping[str, Signal | Time]) -> LogRows:
         """Rows of the arrays, read where they lie."""
         require_whole_columns(parts, self.raw.name)
-        return HdfRows(self._log(), {kind: part.key for kind, part in parts.items()})
+        return HdfRows(self._log, {kind: part.key for kind, part in parts.items()})
 
     def arrays(self) -> dict[str, tuple[int, ...]]:
         """Name → shape of the arrays of real numbers."""
-        return dict(self._log().shapes)
-
-    def _log(self) -> HdfLog:
-        if self._listed is None:
-            self._listed = HdfLog(self.raw.hashed())
-        return self._listed
+        return dict(self._log.shapes)
 
 
 HDF5 = LogFormat(

@@ -7,6 +7,7 @@ them, which filters and derivatives respect. Source: LeRobot, LeRobotDataset v2.
 """
 
 from contextlib import closing
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 from runtime.common.files import json_of, require_file
 from runtime.errors import RecordingError
 from runtime.recording.formats import FOLDERS
-from runtime.recording.formats.log_format import LogFormat, LogReader, RawFile
+from runtime.recording.formats.log_format import LogFormat, LogReader
 from runtime.recording.formats.parquet_format import ParquetLog
 from runtime.recording.formats.tables import FloatArray, LogTable, common_count
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
@@ -30,13 +31,9 @@ _FEATURES = {"time": "timestamp", "position": "observation.state", "desired_posi
 class LerobotReader(LogReader):
     """Reader of a LeRobot data set; info.json is read once."""
 
-    def __init__(self, raw: RawFile) -> None:
-        super().__init__(raw)
-        self._features: dict[str, Any] | None = None
-
     def convention(self) -> Recipe:
         """Refuse a data set without a recipe: its units are not stated anywhere."""
-        names = ", ".join(sorted(self._info()))
+        names = ", ".join(sorted(self._info))
         raise RecordingError(
             f"{self.raw.name} is a LeRobot data set, which states no units; write a recipe: "
             '[time] key = "timestamp", unit = "s"; [position] key = "observation.state", '
@@ -46,10 +43,10 @@ class LerobotReader(LogReader):
     def table(self, kind: str, part: Signal | Time) -> LogTable:
         """Numbers of one feature, of all episodes one after the other."""
         feature = part.key or _FEATURES.get(kind, "")
-        if feature not in self._info():
+        if feature not in self._info:
             raise RecordingError(
                 f"{self.raw.name} is expected to have the feature {feature!r}, but has "
-                f"{', '.join(sorted(self._info())) or 'none'}; correct key in the recipe"
+                f"{', '.join(sorted(self._info)) or 'none'}; correct key in the recipe"
             )
         values = self._column(feature)
         remarks: tuple[str, ...] = ()
@@ -59,18 +56,16 @@ class LerobotReader(LogReader):
             values = values[:, self._picks(feature, part.columns, values.shape[1])]
         return LogTable(values, np.arange(len(values), dtype=np.int64), remarks)
 
+    @cached_property
     def _info(self) -> dict[str, Any]:
         """Feature → its description."""
-        if self._features is None:
-            path = self.raw.path / LEROBOT.marker
-            try:
-                self._features = dict(json_of(path)["features"])
-            except (OSError, ValueError, KeyError, TypeError) as error:
-                raise RecordingError(
-                    f"{self.raw.name}: {LEROBOT.marker} is expected to describe the features of a "
-                    f"LeRobot data set, but is damaged ({type(error).__name__}); download it again"
-                ) from error
-        return self._features
+        try:
+            return dict(json_of(self.raw.path / LEROBOT.marker)["features"])
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise RecordingError(
+                f"{self.raw.name}: {LEROBOT.marker} is expected to describe the features of a "
+                f"LeRobot data set, but is damaged ({type(error).__name__}); download it again"
+            ) from error
 
     def _files(self) -> list[Path]:
         paths = sorted(self.raw.path.glob("data/*/*.parquet"))
@@ -119,7 +114,7 @@ class LerobotReader(LogReader):
         return stamps + np.cumsum(shifts, axis=0), (remark,) * (count > 1)
 
     def _picks(self, feature: str, columns: tuple[str | int, ...], width: int) -> list[int]:
-        described = self._info()[feature]
+        described = self._info[feature]
         names = described.get("names") if isinstance(described, dict) else None
         if isinstance(names, dict):  # {"motors": [...]} of older data sets
             names = next(iter(names.values()), None)

@@ -137,7 +137,8 @@ class RawFile:
     def data(self) -> bytes:
         """Content of the file."""
         if self._data is None:
-            self._data = raw_bytes(self.path)
+            with reading(self.path):
+                self._data = require_file(self.path).read_bytes()
             self.sha256.of_bytes(self.name, self._data)
         return self._data
 
@@ -275,9 +276,3 @@ def undamaged(name: str, kind: str) -> Iterator[None]:
             f"{name} is expected to be {kind}, but it is truncated, damaged or another file "
             f"({type(error).__name__}); copy or export it again"
         ) from error
-
-
-def raw_bytes(path: Path) -> bytes:
-    """Content of a file."""
-    with reading(path):
-        return require_file(path).read_bytes()

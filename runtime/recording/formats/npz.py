@@ -56,12 +56,16 @@ def open_npz(data: bytes, name: str) -> dict[str, NDArray]:
                 )
             arrays = {key: archive[key] for key in archive.files}
             for array in arrays.values():
-                if array.dtype.kind == "U" and array.size > MOST_TEXTS:
+                if array.dtype.kind != "U":
+                    continue
+                if array.size > MOST_TEXTS:
                     raise RecordingError(
                         f"{name} holds {array.size} texts, more than {MOST_TEXTS}; export it again"
                     )
-                if array.dtype.kind == "U":
-                    _require_text(array)
+                # NumPy accepts codes that are not characters, Python fails on them later.
+                codes = array.astype(array.dtype.newbyteorder("=")).tobytes()
+                if np.frombuffer(codes, dtype=np.uint32).max(initial=0) > sys.maxunicode:
+                    raise ValueError("a text holds codes that are not characters")
             return arrays
     except RecordingError:
         raise
@@ -83,13 +87,6 @@ def record_from_arrays(kind: type[R], arrays: Mapping[str, NDArray[Any]], name: 
         if f.name in arrays and arrays[f.name].size
     }
     return record_from_table(kind, table, name, RecordingError)
-
-
-def _require_text(array: NDArray) -> None:
-    """Refuse codes that are not characters: NumPy accepts them, Python fails on them later."""
-    codes = array.astype(array.dtype.newbyteorder("=")).tobytes()
-    if np.frombuffer(codes, dtype=np.uint32).max(initial=0) > sys.maxunicode:
-        raise ValueError("a text holds codes that are not characters")
 
 
 def npz_table(arrays: dict[str, NDArray], key: str, name: str) -> LogTable:

@@ -5,6 +5,7 @@ Without tau, the arrays q_des and dq_des (N, n), kp and kd (n,) give the torque 
 """
 
 from collections.abc import Mapping
+from functools import cached_property
 from typing import IO, Any
 
 import numpy as np
@@ -16,7 +17,6 @@ from runtime.recording.formats.log_format import (
     LogFormat,
     LogReader,
     LogRows,
-    RawFile,
     require_whole_columns,
 )
 from runtime.recording.formats.npz import NpzRows, npz_table, open_npz
@@ -31,9 +31,9 @@ _TEXTS = ("name", "joint_names", "column_names", "history")
 class NpzReader(LogReader):
     """Reader of an NPZ."""
 
-    def __init__(self, raw: RawFile) -> None:
-        super().__init__(raw)
-        self._loaded: dict[str, NDArray] | None = None
+    @cached_property
+    def _content(self) -> dict[str, NDArray]:
+        return open_npz(self.raw.data(), self.raw.name)
 
     def convention(self) -> Recipe:
         """Recipe of the arrays that are there; q is always expected."""
@@ -41,13 +41,13 @@ class NpzReader(LogReader):
             rows = NpzRows(self.raw.hashed())
             plan, shapes = arrays_convention(rows.keys, "npz"), rows.shapes
         else:
-            plan, shapes = arrays_convention(self._content(), "npz"), self.arrays()
+            plan, shapes = arrays_convention(self._content, "npz"), self.arrays()
         self.said = unread_arrays(shapes, plan, self.raw.name)
         return plan
 
     def table(self, kind: str, part: Signal | Time) -> LogTable:
         """Array with the key of a part."""
-        table = npz_table(self._content(), part.key, self.raw.name)
+        table = npz_table(self._content, part.key, self.raw.name)
         columns = () if kind == "time" else part.columns
         return picked(table, columns, f"the array {part.key!r} of {self.raw.name}")
 
@@ -64,9 +64,9 @@ class NpzReader(LogReader):
 
     def extras(self) -> Extras:
         """Names, history, friction columns and motors of an NPZ by `write_recording`."""
-        arrays = self._loaded
-        if arrays is None or self.raw.recipe.position is not None:
+        if self.raw.in_place or self.raw.recipe.position is not None:
             return Extras()
+        arrays = self._content
         texts = {
             key: tuple(map(str, arrays[key].ravel()))
             for key in _TEXTS
@@ -83,13 +83,8 @@ class NpzReader(LogReader):
 
     def arrays(self) -> dict[str, tuple[int, ...]]:
         """Name → shape of the arrays of real numbers."""
-        content = self._content()
-        return {key: each.shape for key, each in content.items() if each.dtype.kind in "fiu"}
-
-    def _content(self) -> dict[str, NDArray]:
-        if self._loaded is None:
-            self._loaded = open_npz(self.raw.data(), self.raw.name)
-        return self._loaded
+        content = self._content.items()
+        return {key: each.shape for key, each in content if each.dtype.kind in "fiu"}
 
 
 def _write(recording: Recording, file: IO[bytes]) -> None:

@@ -24,6 +24,7 @@ from runtime.recording.recipes.default_convention import (
     unread_columns,
 )
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
+from runtime.recording.recording import Recording
 
 __all__ = ["rows_of"]
 
@@ -193,12 +194,10 @@ def rows_of(path: Path) -> tuple[dict[bytes, bytes], list[dict[str, Any]]]:
         return dict(table.schema.metadata or {}), table.to_pylist()
 
 
-def write_parquet(titles: list[str], values: FloatArray, file: IO[bytes]) -> None:
-    """Write columns of doubles under their titles."""
+def _write(recording: Recording, file: IO[bytes]) -> None:
     pa = imported("pyarrow", "Parquet")
     pq = imported("pyarrow.parquet", "Parquet")
-    table = pa.table({title: values[:, i] for i, title in enumerate(titles)})
-    pq.write_table(table, file)
+    pq.write_table(pa.table(recording.columns_of_frame()), file)
 
 
 def parquet_columns(columns: Columns, key: str, names: tuple[str, ...]) -> tuple[str, ...]:
@@ -315,6 +314,6 @@ PARQUET = LogFormat(
     sentence="Parquet with one column per joint and signal, or one column of lists per signal",
     suffixes=(".parquet",),
     reader=ParquetReader,
-    write=lambda recording, file: write_parquet(*recording.titled(), file),
+    write=_write,
     reads_time_alone=True,
 )

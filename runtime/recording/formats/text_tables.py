@@ -32,7 +32,7 @@ SHOWN = 60
 """Largest number of characters of a line in a message."""
 GZIP = b"\x1f\x8b"
 """First bytes of gzip data."""
-BLOCK, PART = 2**24, 2**18
+SIZES = 2**24, 2**18
 """Numbers of characters that are parsed at once: first, and again where a line is odd."""
 LONG = 2**22
 """Number of characters from which pyarrow, where it is installed, repays its import."""
@@ -161,7 +161,7 @@ def csv_table(text: str, columns: Columns, name: str) -> LogTable:
         title = {";": "semicolons", "\t": "tabs"}[separator or ""]
         marks = [f"{name}: cells are separated by {title}, a comma is a decimal mark."]
     form = RowForm(reference, bool(names), separator, len(titles), picks)
-    blocks = list(row_blocks(text, behind(text, first), first + 1, form))
+    blocks = list(row_blocks(text, behind(text, first), first + 1, form, SIZES))
     _check_widths(sum((block.widths for block in blocks), Counter()), len(titles), name)
     repeated = sum(block.repeated for block in blocks)
     remarks += [f"{name}: {repeated} repeated headers were left out."] * (repeated > 0)
@@ -174,7 +174,7 @@ def flat_table(text: str, width: int, name: str) -> LogTable:
     """Table of a text with one number per line; a bad line keeps its place as NaN."""
     text = text.rstrip()
     first = _first_numeric(lines_of(text), name)
-    numbers = flat_numbers(text, behind(text, first))
+    numbers = flat_numbers(text, behind(text, first), SIZES)
     count, rest = divmod(len(numbers), width)
     remarks = [f"{name}: {first} lines before the first number were skipped."] * (first > 0)
     if rest:
@@ -255,27 +255,24 @@ def behind(text: str, count: int) -> int:
     return start
 
 
-def row_blocks(text: str, start: int, line: int, form: RowForm) -> Iterator[RowBlock]:
+def row_blocks(
+    text: str, start: int, line: int, form: RowForm, sizes: Sequence[int]
+) -> Iterator[RowBlock]:
     """Rows of a text in their order."""
-    for piece in _pieces(text, start, BLOCK):
-        for block in _blocks(piece, line, form):
+    blocks: Iterable[RowBlock]
+    for piece in _pieces(text, start, sizes[0]):
+        plain = plain_rows(piece, form)
+        if plain is not None:
+            count = len(plain)
+            widths = Counter({form.width: count})
+            blocks = [RowBlock(plain, line + np.arange(count), widths, 0, count)]
+        elif sizes[1:]:
+            blocks = row_blocks(piece, 0, line, form, sizes[1:])
+        else:
+            blocks = [_single_lines(piece, line, form)]
+        for block in blocks:
             line += block.count
             yield block
-
-
-def _blocks(text: str, line: int, form: RowForm, is_part: bool = False) -> Iterator[RowBlock]:
-    plain = plain_rows(text, form)
-    if plain is not None:
-        count = len(plain)
-        lines = line + np.arange(count)
-        yield RowBlock(plain, lines, Counter({form.width: count}), 0, count)
-    elif not is_part:
-        for piece in _pieces(text, 0, PART):
-            for block in _blocks(piece, line, form, is_part=True):
-                line += block.count
-                yield block
-    else:
-        yield _single_lines(text, line, form)
 
 
 def plain_rows(text: str, form: RowForm) -> FloatArray | None:
@@ -363,18 +360,17 @@ def _single_lines(text: str, line: int, form: RowForm) -> RowBlock:
     return RowBlock(values, np.array(numbers, dtype=np.int64), widths, repeated, count)
 
 
-def flat_numbers(text: str, start: int) -> FloatArray:
+def flat_numbers(text: str, start: int, sizes: Sequence[int]) -> FloatArray:
     """Numbers of a text with one per line."""
-    return np.concatenate([_flat(piece) for piece in _pieces(text, start, BLOCK)])
-
-
-def _flat(text: str, is_part: bool = False) -> FloatArray:
-    plain = plain_numbers(text)
-    if plain is not None:
-        return plain
-    if not is_part:
-        return np.concatenate([_flat(piece, is_part=True) for piece in _pieces(text, 0, PART)])
-    return np.array([number_in(line.strip()) for line in lines_of(text)])
+    parts = []
+    for piece in _pieces(text, start, sizes[0]):
+        plain = plain_numbers(piece)
+        if plain is None and sizes[1:]:
+            plain = flat_numbers(piece, 0, sizes[1:])
+        elif plain is None:
+            plain = np.array([number_in(line.strip()) for line in lines_of(piece)])
+        parts.append(plain)
+    return np.concatenate(parts)
 
 
 def _pieces(text: str, start: int, size: int) -> Iterator[str]:

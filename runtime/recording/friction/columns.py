@@ -61,10 +61,6 @@ def dahl_state(q: FloatArray, stroke: ArrayLike) -> FloatArray:
     return np.concatenate([np.zeros((1, n)), zeta])
 
 
-def _viscous(motion: JointMotion, _: Friction) -> FloatArray:
-    return motion.dq
-
-
 def _sign(motion: JointMotion, terms: Friction) -> FloatArray:
     speed = motion.dq / terms.coulomb_speed
     return np.tanh(speed, out=speed)
@@ -121,7 +117,7 @@ def _coulomb_secant(speed: FloatArray, width: float) -> tuple[FloatArray, FloatA
 VISCOUS = FrictionColumn(
     "viscous",
     "dq",
-    _viscous,
+    lambda motion, _: motion.dq,
     is_linear=True,
     is_nonnegative=True,
     model_term="damping",

@@ -130,6 +130,8 @@ _JITTER = 0.01
 """Deviation of a time step from the median from which the log is resampled, as elsewhere."""
 _GAP_S = 0.1
 """Longest gap that is filled."""
+_ARRAYS = ("t", "q", "dq", "ddq", "tau", "rotation", "tau_rate", "friction")
+"""Arrays of a motion with one entry per instant."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,21 +155,15 @@ class FreeBaseMotion:
 
     def rows(self, taken: slice | NDArray[np.int64]) -> "FreeBaseMotion":
         """Some of the instants."""
-        return FreeBaseMotion(
-            self.t[taken],
-            self.q[taken],
-            self.dq[taken],
-            self.ddq[taken],
-            None if self.tau is None else self.tau[taken],
-            replace(
-                self.contacts,
-                wrench=self.contacts.wrench[taken],
-                sensed=None if self.contacts.sensed is None else self.contacts.sensed[taken],
-            ),
-            self.rotation[taken],
-            None if self.tau_rate is None else self.tau_rate[taken],
-            None if self.friction is None else self.friction[taken],
+        contacts, sensed = self.contacts, self.contacts.sensed
+        of_contacts = replace(
+            contacts,
+            wrench=contacts.wrench[taken],
+            sensed=None if sensed is None else sensed[taken],
         )
+        arrays = {key: getattr(self, key) for key in _ARRAYS}
+        cut = {key: values[taken] for key, values in arrays.items() if values is not None}
+        return replace(self, contacts=of_contacts, **cut)
 
 
 def motion_of(

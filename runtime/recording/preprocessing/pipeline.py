@@ -22,19 +22,8 @@ from runtime.errors import RecordingError
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.friction.model import add_columns, completed, renewed_rotor
+from runtime.recording.preprocessing import segments as clock
 from runtime.recording.preprocessing.filters import low_pass, moving_average, savitzky_golay
-from runtime.recording.preprocessing.segments import (
-    advance_torque,
-    decimate,
-    differentiate,
-    drop_rest,
-    repair_clock,
-    resample,
-    segments,
-    trim,
-    uniform_step,
-    without_short,
-)
 from runtime.recording.recording import ALL, FloatArray
 from runtime.recording.settings import COLUMNS
 
@@ -156,11 +145,14 @@ def on_grid(recording: Recording, preparation: Preparation) -> Recording:
     """Apply clock, grid and delay of a preparation, without its filter."""
     data = recording
     if preparation.clock_tick is not None:
-        data = repair_clock(data, preparation.clock_tick)
+        data = clock.repair_clock(data, preparation.clock_tick)
     if preparation.max_gap_s is not None:
-        data = resample(data, _grid_hz(data, preparation), preparation.max_gap_s)
+        # As stated, else one instant per tick, else the median rate.
+        tick = preparation.clock_tick
+        rate = preparation.grid_hz or (data.rate_hz if tick is None else 1.0 / tick)
+        data = clock.resample(data, rate, preparation.max_gap_s)
     if preparation.torque_delay_s is not None:
-        data = advance_torque(data, preparation.torque_delay_s)
+        data = clock.advance_torque(data, preparation.torque_delay_s)
     return data
 
 
@@ -172,7 +164,10 @@ def _reduced(
     """Filter, derivatives where rows need them, columns that need these, trim, rate."""
     data = _filtered(recording, preparation)
     if recording.rows is None:
-        data = _derived(data, preparation)
+        is_measured, window = data.ddq is not None, preparation.window_s
+        data = clock.differentiate(data)
+        if not is_measured and preparation.filter == "average" and window is not None:
+            data = moving_average(data, window, ("ddq",))  # of differences
     if late is not None:
         data = _filtered(late(data), preparation, ("columns",))
     return _trimmed(data, preparation)
@@ -182,25 +177,16 @@ def _trimmed(recording: Recording, preparation: Preparation) -> Recording:
     """Apply trim and rate."""
     data = recording
     if preparation.trim_s is not None:
-        data = trim(data, preparation.trim_s)
+        data = clock.trim(data, preparation.trim_s)
     if preparation.rate_hz is not None:
-        data = decimate(data, preparation.rate_hz)
+        data = clock.decimate(data, preparation.rate_hz)
     return data
 
 
 def _finished(recording: Recording, preparation: Preparation) -> Recording:
     """Drop rest and record the preparation."""
     data = recording.replace(prepared=preparation, signals={})  # the columns hold them
-    return data if preparation.rest_speed is None else drop_rest(data, preparation.rest_speed)
-
-
-def _grid_hz(recording: Recording, preparation: Preparation) -> float:
-    """Rate of the uniform grid [Hz]: as stated, else one per tick, else the median rate."""
-    if preparation.grid_hz is not None:
-        return preparation.grid_hz
-    if preparation.clock_tick is not None:
-        return 1.0 / preparation.clock_tick
-    return recording.rate_hz
+    return data if preparation.rest_speed is None else clock.drop_rest(data, preparation.rest_speed)
 
 
 def _filtered(
@@ -217,15 +203,6 @@ def _filtered(
     return recording
 
 
-def _derived(recording: Recording, preparation: Preparation) -> Recording:
-    """Compute missing derivatives; after a moving average the differentiated ddq is averaged."""
-    missing = recording.ddq is None
-    result = differentiate(recording)
-    if missing and preparation.filter == "average" and preparation.window_s is not None:
-        return moving_average(result, preparation.window_s, ("ddq",))
-    return result
-
-
 HELD = 16_000_000
 """Largest number of entries of the regressor that are held at a time (128 MB)."""
 CHUNK = 256
@@ -235,12 +212,12 @@ CHUNK = 256
 
 def smooth_motion(recording: Recording, smooth: Callable[[Recording], Recording]) -> Recording:
     """The recording with q and dq only; a missing dq is that of a cubic spline, exact to h⁴."""
-    data = without_short(recording.replace(ddq=None), 4)
-    uniform_step(data, "go without accelerations")
+    data = clock.without_short(recording.replace(ddq=None), 4)
+    clock.uniform_step(data, "go without accelerations")
     data = smooth(data)
     if data.dq is not None:
         return data
-    slopes = [CubicSpline(data.t[s], data.q[s])(data.t[s], 1) for s in segments(data.t)]
+    slopes = [CubicSpline(data.t[s], data.q[s])(data.t[s], 1) for s in clock.segments(data.t)]
     return data.replace(dq=np.concatenate(slopes)).noted("Differentiated q to dq by cubic splines.")
 
 
@@ -265,7 +242,7 @@ def balanced(
         ]
         changes["columns"] = np.stack(columns, axis=-1)
     # All instants except the first and last of every segment.
-    inner = np.concatenate([np.arange(s.start + 1, s.stop - 1) for s in segments(data.t)])
+    inner = np.concatenate([np.arange(s.start + 1, s.stop - 1) for s in clock.segments(data.t)])
     balance = "power" if power else "momentum"
     taken = data.take(inner, f"Took the balance of {balance} over two steps at every instant.")
     return taken.replace(**changes)
@@ -284,7 +261,7 @@ def rows_of(recording: Recording, lib: Library, power: bool) -> Iterator[FloatAr
         group = slice(first, min(first + width, count))
         parts = [
             _chunk(recording, slice(start, min(start + CHUNK + 2, part.stop)), group, lib, power)
-            for part in segments(recording.t)
+            for part in clock.segments(recording.t)
             for start in range(part.start, part.stop - 2, CHUNK)
         ]
         yield np.concatenate(parts)
@@ -293,7 +270,7 @@ def rows_of(recording: Recording, lib: Library, power: bool) -> Iterator[FloatAr
 def torque_of_rows(recording: Recording, lib: Library, beta: FloatArray) -> FloatArray:
     """(D P − S R) β at the inner instants, (N, n)."""
     step, torques = 1.0 / recording.rate_hz, []
-    for part in segments(recording.t):
+    for part in clock.segments(recording.t):
         for start in range(part.start, part.stop - 2, CHUNK):
             taken = slice(start, min(start + CHUNK + 2, part.stop))
             q, dq = recording.q[taken], recording.required("dq")[taken]
@@ -327,12 +304,12 @@ def _speed(recording: Recording, name: str) -> FloatArray:
 
 
 def _summed(recording: Recording, values: FloatArray) -> FloatArray:
-    return np.concatenate([_simpson(values[part]) for part in segments(recording.t)])
+    return np.concatenate([_simpson(values[part]) for part in clock.segments(recording.t)])
 
 
 def _differenced(recording: Recording, values: FloatArray) -> FloatArray:
     step = 1.0 / recording.rate_hz
-    return np.concatenate([_difference(values[part], step) for part in segments(recording.t)])
+    return np.concatenate([_difference(values[part], step) for part in clock.segments(recording.t)])
 
 
 def _simpson(values: FloatArray) -> FloatArray:

@@ -71,8 +71,6 @@ def _law_of(present: Container[str], prefix: str) -> ControlLaw | None:
 _NUMBERED = re.compile(r"(.*?)\[?([0-9]{1,4})\]?")
 """Title that ends with the number of a joint."""
 
-_SIGNALS = ("q", "dq", "ddq", "tau")
-
 _WANTED = ("dq", "tau")
 """Signals whose absence is stated; accelerations are rarely measured."""
 
@@ -91,7 +89,7 @@ def unread_columns(titles: Iterable[str], name: str) -> tuple[str, ...]:
     unread = [
         title
         for stem, group in groups.items()
-        if stem not in _SIGNALS and sorted(group) in (list(range(size)), list(range(1, size + 1)))
+        if stem not in UNITS and sorted(group) in (list(range(size)), list(range(1, size + 1)))
         for title in group.values()
     ]
     return _sentence([key for key in _WANTED if key not in groups], "columns", unread, name)

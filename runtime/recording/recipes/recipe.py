@@ -146,11 +146,6 @@ class Signal:
         """The unit of all joints, or one per joint."""
         return (self.unit,) if isinstance(self.unit, str) else self.unit
 
-    def check_unit(self, kind: str) -> None:
-        """Require a unit of this kind of signal; amperes without a gain have unknown gains."""
-        for unit in self.units:
-            one_of(f"[{kind}] unit", unit, tuple(UNITS[kind]))
-
 
 JSON_CELLS = "json"
 """Cells of a CSV that hold lists of numbers."""
@@ -307,7 +302,8 @@ class Recipe:
                     f"{list(each)}; write leave_out = [[1.0, 1.5]]"
                 )
         for kind, signal in self.signals().items():
-            signal.check_unit(kind)
+            for unit in signal.units:
+                one_of(f"[{kind}] unit", unit, tuple(UNITS[kind]))
         for name, signal in self.extra.items():
             for unit in signal.units:
                 one_of(f"[extra.{name}] unit", unit, tuple(EXTRA_UNITS))

@@ -48,8 +48,7 @@ def test_a_table_is_that_of_single_lines(name: str, reader: str, monkeypatch) ->
 @pytest.mark.parametrize("odd", ["7,1", "x,1,2", "# a comment", "t,a,b", ""])
 def test_an_odd_line_costs_only_its_part(odd: str, monkeypatch) -> None:
     """Property: the table of single lines, but cells near the odd line only are read singly."""
-    monkeypatch.setattr(text_tables, "BLOCK", 4000)
-    monkeypatch.setattr(text_tables, "PART", 200)
+    monkeypatch.setattr(text_tables, "SIZES", (4000, 200))
     singly = []
     number_in = text_tables.number_in
     rows = [f"0.{k},{k},-{k}e-3" for k in range(2000)]

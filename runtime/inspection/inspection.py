@@ -121,38 +121,47 @@ def inspect_log(
     raw, plan = with_gain_one(raw, plan)
     raw, plan, reduced = of_independent_joints(raw, plan, lib)
     findings += reduced
-    checks = CheckRun(raw, plan, findings, has_gains=has_gains)
+    checks = CheckRun(raw, plan, lib, findings, has_gains=has_gains)
     require_joints(checks.recording, lib)
     # Quantised torques at rest look like a frozen, saturated or corrupt signal.
     at_rest = static_poses(checks.recording) if has_gains else None
     if at_rest is None:
-        checks.run(lambda r, p: outlying_rows.frozen(r, p, lib))
-        checks.run(lambda r, p: outlying_rows.outlying_rows(r, p, lib))
+        checks.run(outlying_rows.frozen)
+        checks.run(outlying_rows.outlying_rows)
     else:
-        findings.append(_of_poses(len(at_rest)))
-    checks.run(lambda r, p: signals.velocity_pairs(r, p, lib))
-    checks.run(lambda r, p: signals.constant_velocity(r, p, lib))
-    checks.run(lambda r, p: units.units(r, p, lib))
-    checks.run(lambda r, p: signals.velocity_filter(r, p, lib))
+        sentence = (
+            f"the log contains {len(at_rest)} poses at rest that were reached from both sides: "
+            "identify takes the mean of each pair, in which Coulomb friction cancels, and "
+            "determines the gravity torque alone"
+        )
+        findings.append(Finding("static_poses", INFO, sentence, {"poses": len(at_rest)}))
+    checks.run(signals.velocity_pairs)
+    checks.run(signals.constant_velocity)
+    checks.run(units.units)
+    checks.run(signals.velocity_filter)
     blind = any(f.kind == "missing_clock" and f.level == ERROR for f in findings)
     constant = [] if at_rest is not None else signals.constant_torque(checks.recording, lib)
     findings += constant
     if not lib.placeholders and not constant:
-        checks.run(lambda r, p: joint_order(r, p, lib))
-    checks.run(lambda r, p: clock.clock(r, p, raw, lib))
+        checks.run(joint_order)
+    checks.run(lambda r, p, lib: clock.clock(r, p, raw, lib))
     recording = checks.recording
     findings += signals.wraps(recording)
     if not blind and at_rest is None:
         findings += signals.saturation(recording, lib) + signals.rest(recording, checks.plan, lib)
         findings[:0] = signals.still_joints(recording, lib)  # stated before what follows from it
     findings += signals.unsigned_torque(recording)
-    _check_torque(checks, lib, propose, blind=blind)
+    _check_torque(checks, propose, blind=blind)
     if not has_gains:
         checks.plan, checks.findings = stated(checks.plan, checks.findings)
         findings = checks.findings
     motors = any(f.kind == "position_range" for f in findings) and not checks.plan.gear
     # Columns of coupled motors are proposed once the gear matrix is known.
-    plan = checks.plan.replace(robot=lib.name) if motors else _completed(checks.plan, lib)
+    plan = checks.plan.replace(robot=lib.name)
+    friction = plan.friction or proposed_terms(plan)
+    usual = plan.friction is None and friction in {Friction(), Friction(DRIVE)}
+    if not motors and not usual:  # usual columns are left to `identify`
+        plan = plan.replace(friction=replace(friction, gear=()))
     return Inspection(
         robot=lib.name,
         findings=tuple(sorted(findings, key=lambda f: LEVELS.index(f.level))),
@@ -162,7 +171,7 @@ def inspect_log(
     )
 
 
-def _check_torque(checks: CheckRun, lib: Library, propose: bool, *, blind: bool) -> None:
+def _check_torque(checks: CheckRun, propose: bool, *, blind: bool) -> None:
     """Checks of the torque, where clock, positions and torque allow them."""
     recording, findings = checks.recording, checks.findings
     kinds = {f.kind for f in findings}
@@ -176,21 +185,11 @@ def _check_torque(checks: CheckRun, lib: Library, propose: bool, *, blind: bool)
         sentence = "the torque was not checked further; log all torques with their signs first"
         findings.append(Finding("not_judged", INFO, sentence))
     elif recording.torque_source == COMMANDED:
-        check_commanded(checks, lib)
+        check_commanded(checks)
     else:
-        check_torque(checks, lib, propose)
+        check_torque(checks, propose)
         if checks.has_gains:  # unknown gains scale the torque of each joint
-            findings += signals.little_torque(checks.recording, lib)
-
-
-def _of_poses(count: int) -> Finding:
-    """Note on a log of poses at rest."""
-    sentence = (
-        f"the log contains {count} poses at rest that were reached from both sides: identify takes "
-        "the mean of each pair, in which Coulomb friction cancels, and determines the gravity "
-        "torque alone"
-    )
-    return Finding("static_poses", INFO, sentence, {"poses": count})
+            findings += signals.little_torque(checks.recording, checks.lib)
 
 
 def _read(
@@ -234,14 +233,6 @@ def _of_file(raw: Raw) -> list[Finding]:
         )
         findings.append(Finding("not_measured", WARNING, sentence, {"kind": kind, "title": odd}))
     return findings
-
-
-def _completed(plan: Recipe, lib: Library) -> Recipe:
-    """The plan with the robot's name; usual friction columns are left to `identify`."""
-    friction = plan.friction or proposed_terms(plan)
-    if plan.friction is None and friction in {Friction(), Friction(DRIVE)}:
-        return plan.replace(robot=lib.name)
-    return plan.replace(robot=lib.name, friction=replace(friction, gear=()))
 
 
 def of_independent_joints(

@@ -42,51 +42,55 @@ class CheckRun:
     """The plan so far, the recording read with it, and the findings."""
 
     def __init__(
-        self, raw: Raw, plan: Recipe, findings: list[Finding], *, has_gains: bool = True
+        self, raw: Raw, plan: Recipe, lib: Library, findings: list[Finding], *, has_gains: bool
     ) -> None:
         """Read the log with the plan."""
-        self._raw, self.plan, self.findings = raw, plan, findings
+        self._raw, self.plan, self.lib, self.findings = raw, plan, lib, findings
         self.has_gains = has_gains
         self.recording = recording_of(replace(raw, plan=plan))
         self._prepared: tuple[Recording, Preparation, Friction, TorqueRows] | None = None
 
-    def run(self, check: Callable[[Recording, Recipe], tuple[Recipe, list[Finding]]]) -> None:
+    def run(
+        self, check: Callable[[Recording, Recipe, Library], tuple[Recipe, list[Finding]]]
+    ) -> None:
         """Run a check, and read the log again where it changes the plan."""
-        plan, findings = check(self.recording, self.plan)
+        plan, findings = check(self.recording, self.plan, self.lib)
         self.findings += findings
         if plan != self.plan:
             self.plan = plan
             self.recording = recording_of(replace(self._raw, plan=plan))
 
     def run_on_torque(
-        self,
-        check: Callable[[TorqueRows, Recipe], tuple[Recipe, list[Finding]]],
-        lib: Library,
-        terms: Friction,
+        self, check: Callable[[TorqueRows, Recipe], tuple[Recipe, list[Finding]]], terms: Friction
     ) -> None:
         """Run a check of the torque on prepared rows."""
-        torque_rows = self.torque_rows(lib, terms)
-        self.run(lambda _, plan: check(torque_rows, plan))
+        torque_rows = self.torque_rows(terms)
+        self.run(lambda _, plan, __: check(torque_rows, plan))
 
-    def torque_rows(self, lib: Library, terms: Friction) -> TorqueRows:
+    def torque_rows(self, terms: Friction) -> TorqueRows:
         """Prepared rows of the recording, read with the plan so far; most checks change nothing."""
         usual, last = rough(self.recording, self.plan.preparation), self._prepared
         if last is None or last[0] is not self.recording or last[1:3] != (usual, terms):
-            rows = torque_rows_of(self.recording, lib, usual, terms)
+            rows = torque_rows_of(self.recording, self.lib, usual, terms)
             last = self._prepared = (self.recording, usual, terms, rows)
         return last[3]
 
+    def regressor(self, usual: Preparation) -> None:
+        """Warn of accelerations that fail with a preparation."""
+        _, failing = choose_regressor(self.recording, self.lib, usual)
+        self.findings += [Finding("differentiation", WARNING, each) for each in failing]
 
-def check_torque(checks: CheckRun, lib: Library, propose: bool) -> None:
+
+def check_torque(checks: CheckRun, propose: bool) -> None:
     """Order, sign and unit of τ, then its fit to the model."""
-    terms = checks.plan.friction or proposed_terms(checks.plan)
+    lib, terms = checks.lib, checks.plan.friction or proposed_terms(checks.plan)
     try:
         if not lib.placeholders:  # comparisons with the torque of the URDF's links
-            checks.run_on_torque(column_faults.column_faults, lib, terms)
-            _merge_orders(checks, lib)
-            terms = _with_rotors(checks, lib, terms)
-            checks.run_on_torque(scale, lib, terms)
-            _judge_reversal(checks, lib, terms)
+            checks.run_on_torque(column_faults.column_faults, terms)
+            _merge_orders(checks)
+            terms = _with_rotors(checks, terms)
+            checks.run_on_torque(scale, terms)
+            _judge_reversal(checks, terms)
         checks.findings += _placeholders(lib)
         preparation = checks.plan.preparation
         if propose and preparation.filter == "none":
@@ -95,12 +99,10 @@ def check_torque(checks: CheckRun, lib: Library, propose: bool) -> None:
             )
             checks.plan = checks.plan.replace(preparation=ready)
             checks.findings += notes
-        usual = rough(checks.recording, checks.plan.preparation)
-        _, failing = choose_regressor(checks.recording, lib, usual)
-        checks.findings += [Finding("differentiation", WARNING, each) for each in failing]
+        checks.regressor(rough(checks.recording, checks.plan.preparation))
         if any(f.kind == "gravity" for f in checks.findings):
             return  # the model of the log is another one
-        _check_fit(checks, lib, terms)
+        _check_fit(checks, terms)
     except RuntimeFault as fault:
         sentence = f"the torque could not be checked: {fault}"
         # Poses at rest need no accelerations: nothing is wrong with their log.
@@ -108,35 +110,35 @@ def check_torque(checks: CheckRun, lib: Library, propose: bool) -> None:
         checks.findings.append(Finding("not_judged", INFO if posed else WARNING, sentence))
 
 
-def _with_rotors(checks: CheckRun, lib: Library, terms: Friction) -> Friction:
+def _with_rotors(checks: CheckRun, terms: Friction) -> Friction:
     """Friction columns with rotors, where these take a part of what links and friction leave."""
     if checks.plan.friction is not None or ROTOR.name in terms.columns:
         return terms
-    shares = drives.shares_of(checks.recording, lib, checks.plan.preparation)
+    shares = drives.shares_of(checks.recording, checks.lib, checks.plan.preparation)
     if shares is None or shares.drives > ROTORS * shares.friction:
         return terms
     return replace(terms, columns=(*terms.columns, ROTOR.name))
 
 
-def _judge_reversal(checks: CheckRun, lib: Library, terms: Friction) -> None:
+def _judge_reversal(checks: CheckRun, terms: Friction) -> None:
     """Gravity against the sign of all torques; where that is silent, what the columns showed."""
     common = [f for f in checks.findings if f.evidence.get("common")]
     before = len(checks.findings)
-    checks.run_on_torque(gravity.gravity, lib, terms)
+    checks.run_on_torque(gravity.gravity, terms)
     if any(f.kind in {"gravity", "torque_sign"} for f in checks.findings[before:]):
         for each in common:
             checks.findings.remove(each)
     elif any(f.kind == "torque_sign" for f in common):
-        checks.run(lambda _, plan: (gravity.negated(plan), []))
+        checks.run(lambda _, plan, __: (gravity.negated(plan), []))
 
 
-def _merge_orders(checks: CheckRun, lib: Library) -> None:
+def _merge_orders(checks: CheckRun) -> None:
     """One finding where all signals were put into another order, and one of them back again."""
     kinds = {f.kind: f for f in checks.findings if f.kind.endswith("_order")}
     torque, position = checks.plan.torque, checks.plan.position
     if "joint_order" not in kinds or torque is None or position is None:
         return
-    usual = tuple(range(lib.n_joints))
+    usual = tuple(range(checks.lib.n_joints))
     if torque.order == usual and position.order:
         kind, again, order = "position_order", "torque_order", list(position.order)
         what, where = "positions and velocities", "[position] and [velocity]"
@@ -150,7 +152,7 @@ def _merge_orders(checks: CheckRun, lib: Library) -> None:
         return
     moved = [j for j, column in enumerate(order) if column != j]
     sentence = (
-        f"the {what} of {joint_list(lib.joint_names, moved)} are exchanged: in the order "
+        f"the {what} of {joint_list(checks.lib.joint_names, moved)} are exchanged: in the order "
         f"{', '.join(map(str, order))} (counted from 0) they fit limits, gravity and the {others}; "
         f"compare with the logger, and set order = {order} under {where}"
     )
@@ -159,18 +161,19 @@ def _merge_orders(checks: CheckRun, lib: Library) -> None:
     checks.findings[first] = Finding(kind, WARNING, sentence, {"joints": moved, "order": order})
 
 
-def check_commanded(checks: CheckRun, lib: Library) -> None:
+def check_commanded(checks: CheckRun) -> None:
     """Law, delay and drives of a commanded torque; unit, sign and order are those of the law."""
+    lib = checks.lib
     checks.findings += drives.commanded(checks.recording, checks.plan)
     try:
         if not lib.placeholders:
-            checks.run(lambda r, p: drives.law_gain(r, lib, p))
+            checks.run(drives.law_gain)
             before = len(checks.findings)
-            checks.run_on_torque(column_faults.column_faults, lib, Friction(DRIVE))
+            checks.run_on_torque(column_faults.column_faults, Friction(DRIVE))
             if any(f.level == WARNING for f in checks.findings[before:]):
                 return  # delay and drives are those of other columns
             terms = drives.friction_of(checks.recording, lib, checks.plan)
-            checks.run(lambda r, p: drives.delay(r, lib, p, terms))
+            checks.run(lambda r, p, lib: drives.delay(r, lib, p, terms))
             checks.findings += drives.rotor(checks.recording, lib, checks.plan, terms)
             if checks.plan.friction is None and terms != Friction(DRIVE):
                 checks.plan = checks.plan.replace(friction=terms)
@@ -180,8 +183,7 @@ def check_commanded(checks: CheckRun, lib: Library) -> None:
             usual = replace(usual, cutoff_hz=_harmless_cutoff(checks.recording, lib, usual))
             late = checks.plan.preparation.torque_delay_s
             checks.plan = checks.plan.replace(preparation=replace(usual, torque_delay_s=late))
-        _, failing = choose_regressor(checks.recording, lib, usual)
-        checks.findings += [Finding("differentiation", WARNING, each) for each in failing]
+        checks.regressor(usual)
         checks.findings.append(model_fit.one_run(checks.recording.duration))
     except RuntimeFault as fault:
         sentence = f"the torque could not be checked: {fault}"
@@ -215,9 +217,9 @@ def _harmless_cutoff(recording: Recording, lib: Library, usual: Preparation) -> 
     return usual.cutoff_hz
 
 
-def _check_fit(checks: CheckRun, lib: Library, terms: Friction) -> None:
+def _check_fit(checks: CheckRun, terms: Friction) -> None:
     """Delay of τ, whether it was measured, and what the model lacks."""
-    torque_rows = checks.torque_rows(lib, terms)
+    lib, torque_rows = checks.lib, checks.torque_rows(terms)
     fit = model_fit.fitted(torque_rows)
     tau = checks.recording.required("tau")
     computed = model_fit.not_measured(torque_rows, fit, tau)
@@ -237,7 +239,7 @@ def _check_fit(checks: CheckRun, lib: Library, terms: Friction) -> None:
             checks.plan.preparation, torque_delay_s=float(f"{late[0].evidence['delay_s']:.3g}")
         )
         checks.plan = checks.plan.replace(preparation=shifted)
-        torque_rows = checks.torque_rows(lib, terms)
+        torque_rows = checks.torque_rows(terms)
         fit = model_fit.fitted(torque_rows)
         computed = model_fit.not_measured(torque_rows, fit, tau)
         # What a tilt or a zero explained may have been the delay.

@@ -91,7 +91,8 @@ def clock(
         recording, plan, lib, logged if len(logged) == len(recording) else None
     )
     if not findings:
-        preparation, findings = _lost(recording, preparation)
+        findings = [] if preparation.clock_tick is not None else lost_rows(recording)
+        preparation = _rebuilt(recording, preparation)[0] if findings else preparation
     elif "skipped_ticks" in (evidence := findings[0].evidence) and (
         evidence["misfit_rebuilt"] < COUNTABLE
     ):  # a rebuilt clock is proposed that fits well enough for its ticks to be counted
@@ -173,12 +174,6 @@ def _left_out(recording: Recording, plan: Recipe) -> NDArray[np.bool_]:
     for first, last in plan.leave_out:
         across |= (before < first) & (after > last)
     return across
-
-
-def _lost(recording: Recording, preparation: Preparation) -> tuple[Preparation, list[Finding]]:
-    """Rows lost before the log was stamped, and the clock rebuilt from Δq = v Δt where it fits."""
-    findings = [] if preparation.clock_tick is not None else lost_rows(recording)
-    return _rebuilt(recording, preparation)[0] if findings else preparation, findings
 
 
 def _rebuilt(

@@ -64,7 +64,7 @@ def commanded(recording: Recording, plan: Recipe) -> list[Finding]:
     return [Finding("commanded_torque", INFO, sentence, evidence)]
 
 
-def law_gain(recording: Recording, lib: Library, plan: Recipe) -> tuple[Recipe, list[Finding]]:
+def law_gain(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, list[Finding]]:
     """Gains that carry the links of the URDF: τ_law = Y π0 / c + F φ with one c for all joints."""
     law = plan.law
     if law is None or not isinstance(law.kp, float | tuple):

@@ -123,7 +123,11 @@ def _recipe(
         if kind == "time" or not parts:
             continue
         if kind == "acceleration":
-            findings.append(_computed(parts))
+            sentence = (
+                f"the accelerations '{parts[0]['title']}' are not used: loggers compute them with "
+                "an unknown filter; they are computed again with the filter of the other signals"
+            )
+            findings.append(Finding("left_aside", INFO, sentence, {"kind": "acceleration"}))
             continue
         where, many = run_of(parts)
         if many and not run:
@@ -192,14 +196,6 @@ def _left_aside(kind: str, parts: list[dict], run: str) -> list[Finding]:
     sentence = f"{kind} is read from '{parts[0]['title']}'; not used: {', '.join(others[:6])}"
     evidence = {"kind": kind, "chosen": parts[0]["title"], "others": others}
     return [Finding("left_aside", INFO, sentence, evidence)]
-
-
-def _computed(parts: list[dict]) -> Finding:
-    sentence = (
-        f"the accelerations '{parts[0]['title']}' are not used: loggers compute them with an "
-        "unknown filter; they are computed again with the filter of the other signals"
-    )
-    return Finding("left_aside", INFO, sentence, {"kind": "acceleration"})
 
 
 def run_of(parts: list[dict[str, Any]]) -> tuple[dict[str, Any], str]:

@@ -143,17 +143,12 @@ def _jumps(recording: Recording) -> NDArray[np.bool_]:
     for j in range(jumps.shape[1]):
         places = np.flatnonzero(jumps[:, j])
         for a, b in itertools.pairwise(places):
-            if b - a <= APART or (
-                b - a <= MOST_OUTLIERS * len(steps) and _returns(steps[a, j], steps[b, j])
-            ):
+            there, back = steps[a, j], steps[b, j]  # of one displacement, which returns
+            smaller, larger = sorted([abs(there), abs(back)])
+            returns = there * back < 0.0 and smaller >= ALIKE * larger
+            if b - a <= APART or (b - a <= MOST_OUTLIERS * len(steps) and returns):
                 marks[a + 1 : b + 1, j] = True
     return marks
-
-
-def _returns(there: float, back: float) -> bool:
-    """Whether two jumps are the beginning and the end of one displacement."""
-    sizes = sorted([abs(there), abs(back)])
-    return bool(there * back < 0.0 and sizes[0] >= ALIKE * sizes[1])
 
 
 def _bursts(rows: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -189,7 +184,10 @@ def frozen(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, li
     same = {k: np.all(np.diff(values, axis=0) == 0.0, axis=1) for k, values in signals.items()}
     intervals: list[tuple[int, int, tuple[str, ...]]] = []
     for key, repeats in same.items():
-        for first, last in _long_runs(repeats, recording.rate_hz):
+        for first, end in runs(repeats):
+            last = end + 1
+            if end - first < max(FROZEN_ROWS, FROZEN_S * recording.rate_hz):
+                continue
             keys = tuple(k for k in same if same[k][first : last - 1].all())
             if keys[0] == key and _moves(recording, first, last, keys, slowest):
                 intervals.append((first, last, keys))
@@ -214,12 +212,6 @@ def frozen(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, li
     return plan.replace(leave_out=tuple(sorted({*plan.leave_out, *spans}))), [
         Finding("frozen", WARNING, sentence, evidence)
     ]
-
-
-def _long_runs(repeats: NDArray[np.bool_], rate_hz: float) -> list[tuple[int, int]]:
-    """First and one past the last row of the long runs of equal rows."""
-    least = max(FROZEN_ROWS, FROZEN_S * rate_hz)
-    return [(a, b + 1) for a, b in runs(repeats) if b - a >= least]
 
 
 def _moves(

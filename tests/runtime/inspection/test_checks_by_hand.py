@@ -208,8 +208,9 @@ def test_two_orders_of_one_exchange(again) -> None:
     orders = {"torque": (1, 0), "position": (1, 0), again: (0, 1)}
     signals = {key: replace(getattr(PLAN, key), order=order) for key, order in orders.items()}
     findings = [Finding(f"{kind}_order", "warning", "") for kind in ("joint", again)]
-    run = SimpleNamespace(findings=findings, plan=PLAN.replace(**signals))
-    proposal._merge_orders(run, SimpleNamespace(n_joints=2, joint_names=("a", "b")))
+    lib = SimpleNamespace(n_joints=2, joint_names=("a", "b"))
+    run = SimpleNamespace(findings=findings, plan=PLAN.replace(**signals), lib=lib)
+    proposal._merge_orders(run)
     (only,) = run.findings
     other = {"torque": "position", "position": "torque"}[again]
     assert (only.kind, only.evidence["order"]) == (f"{other}_order", [1, 0])
@@ -223,8 +224,10 @@ def test_a_common_sign_where_gravity_is_silent(monkeypatch, silent) -> None:
     run.findings, run.plan = [common], PLAN
     found = [] if silent else [Finding("gravity", "error", "")]
     monkeypatch.setattr(run, "run_on_torque", lambda *_: run.findings.extend(found))
-    monkeypatch.setattr(run, "run", lambda check: setattr(run, "plan", check(None, run.plan)[0]))
-    proposal._judge_reversal(run, None, Friction())
+    monkeypatch.setattr(
+        run, "run", lambda check: setattr(run, "plan", check(None, run.plan, None)[0])
+    )
+    proposal._judge_reversal(run, Friction())
     assert run.findings == ([common] if silent else found)
     assert run.plan.torque.sign == (-1.0 if silent else 1.0)
 

@@ -99,7 +99,12 @@ def profile_of(certified: CertifiedMotion, samples: int = SAMPLES) -> MotionProf
             rows = zip(constraint.labels, constraint.distances(motion).T, margins, strict=True)
             gaps += [Gap(constraint.kind, label, row, float(least)) for label, row, least in rows]
     values = dict(zip(KINDS, motion, strict=True)) | {"torque": tau}
-    bands = _bands(lib) | {"torque": torque_band}
+    limits = lib.limits()
+    bands = {
+        "position": Band(limits["lower"], limits["upper"]),
+        **{kind: Band(-limits[kind], limits[kind]) for kind in KINDS[1:]},
+        "torque": torque_band,
+    }
     return MotionProfile(
         robot=lib.name,
         joints=lib.joint_names,
@@ -116,12 +121,6 @@ def profile_of(certified: CertifiedMotion, samples: int = SAMPLES) -> MotionProf
         has_friction=safety is not None and bool(safety.viscous or safety.coulomb),
         certificate=certified.certificate,
     )
-
-
-def _bands(lib: Library) -> dict[str, Band]:
-    limits = lib.limits()
-    bands = {kind: Band(-limits[kind], limits[kind]) for kind in KINDS[1:]}
-    return {"position": Band(limits["lower"], limits["upper"]), **bands}
 
 
 def _shares(values: dict[str, Array], bands: dict[str, Band], home: Array) -> dict[str, Array]:

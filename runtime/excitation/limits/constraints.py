@@ -43,24 +43,14 @@ def constraints(
     lib: Library, home: Array, safety: Safety | None
 ) -> tuple[Braking | TimedConstraint, ...]:
     """Limits that are not linear in the coefficients."""
-    dependents = dependent_joints(lib, home)
+    chosen: list[Braking | TimedConstraint] = [*dependent_joints(lib, home)]
     if safety is None:
-        return dependents
-    return (
-        *dependents,
-        *_braking(lib, home),
-        *_torques(lib, safety),
-        *_tip(lib, safety),
-        *distances(lib, safety),
-    )
-
-
-def _braking(lib: Library, home: Array) -> tuple[Braking, ...]:
-    facts = lib.braking
-    if facts is None:
-        return ()
-    sides = (Side(1.0, facts.k, facts.c, facts.upper), Side(-1.0, facts.k, facts.c, facts.lower))
-    return (Braking(sides, home, lib.joint_names),)
+        return tuple(chosen)
+    if (facts := lib.braking) is not None:
+        ends = (1.0, facts.upper), (-1.0, facts.lower)
+        sides = tuple(Side(sign, facts.k, facts.c, end) for sign, end in ends)
+        chosen.append(Braking(sides, home, lib.joint_names))
+    return (*chosen, *_torques(lib, safety), *_tip(lib, safety), *distances(lib, safety))
 
 
 def _torques(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:

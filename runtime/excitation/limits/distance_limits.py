@@ -173,12 +173,7 @@ class LinkClearance(Clearance):
     kind: ClassVar[str] = "self-collision"
     lib: Library
     margin: Array
-    pairs: tuple[str, ...]
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Both links of every pair."""
-        return self.pairs
+    labels: tuple[str, ...]  # both links of every pair
 
     def distances_and_slopes(self, q: Array) -> tuple[Array, Array]:
         """Distance of every pair, (N, R) m, and its slopes by q, (N, R, n)."""
@@ -199,14 +194,8 @@ class TableClearance(Clearance):
     lib: Library
     height: float
     margin: float
-    proxies: tuple[str, ...]
-    rows: NDArray[np.intp]
-    """Indices of those proxies among the moving ones."""
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Names of the proxies."""
-        return self.proxies
+    labels: tuple[str, ...]  # names of the proxies
+    rows: NDArray[np.intp]  # indices of those proxies among the moving ones
 
     def distances_and_slopes(self, q: Array) -> tuple[Array, Array]:
         """Height of every proxy above the table, (N, R) m, and its slopes by q, (N, R, n)."""
@@ -216,7 +205,7 @@ class TableClearance(Clearance):
     def approaches(self, bounds: IntervalBounds) -> Array:
         """Bounds of the rates of the heights, (K, R) m/s."""
         bodies = {proxy.name: body_of(proxy) for proxy in self.lib.proxies}
-        return np.stack([bounds.approach(bodies[name]) for name in self.proxies], axis=1)
+        return np.stack([bounds.approach(bodies[name]) for name in self.labels], axis=1)
 
 
 def body_of(proxy: ProxyFacts) -> Body:

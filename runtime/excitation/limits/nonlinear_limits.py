@@ -182,6 +182,7 @@ class Braking:
 
     kind: ClassVar[str] = "braking"
     orders: ClassVar[int] = 2
+    even: ClassVar[bool] = False  # braking depends on the direction of dq
     sides: tuple[Side, ...]
     home: Array
     joints: tuple[str, ...]
@@ -190,11 +191,6 @@ class Braking:
     def labels(self) -> tuple[str, ...]:
         """Joints, upper ends first."""
         return tuple(name for _ in self.sides for name in self.joints)
-
-    @property
-    def even(self) -> bool:
-        """False: braking depends on the direction of dq."""
-        return False
 
     def room(self, side: Side) -> Array:
         """Room s (q̂ − home) − c²/k, (n,) rad; NaN where the robot may not even rest at home."""

@@ -7,7 +7,6 @@ motions with a certificate.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import ExportError
 from runtime.excitation.limits.carried_body import EMPTY_HAND
@@ -23,7 +22,7 @@ from runtime.excitation.proof.bounds import (
     joint_bounds,
     rooms,
 )
-from runtime.library import Array, Library
+from runtime.library import Library
 
 UNITS = ("rad or m", "rad/s or m/s", "rad/s² or m/s²", "rad/s³ or m/s³")
 
@@ -118,7 +117,11 @@ def certificate_of(
     limits, (up, down) = lib.limits(), rooms(lib, trajectory.home)
     uses, unlimited = [], []
     for order, kind in enumerate(KINDS):
-        free = _unlimited(limits, kind)
+        free = (
+            ~np.isfinite(limits[kind])
+            if order
+            else np.isinf(limits["lower"]) & np.isinf(limits["upper"])
+        )
         if free.any():
             unlimited.append(f"{kind} of {', '.join(np.array(lib.joint_names)[free])}")
         if not free.all():
@@ -155,12 +158,6 @@ def certificate_of(
     if safety is not None and safety.models:
         load += f", every model within {safety.models}"
     return Certificate(tuple(uses), tuple(unlimited), unchecked(lib, safety), distances, load)
-
-
-def _unlimited(limits: dict[str, Array], kind: str) -> NDArray[np.bool_]:
-    if kind == "position":
-        return np.isinf(limits["lower"]) & np.isinf(limits["upper"])
-    return ~np.isfinite(limits[kind])
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,13 +222,9 @@ def _certificate(
 
 def _largest(same: tuple[Use, ...]) -> Use:
     """Largest use of one limit by several motions, on the intervals of all of them."""
+    bounds = [use.bound if np.isfinite(use.bound) else np.inf for use in same]
     count = sum(use.intervals for use in same)
-    return replace(max(same, key=_order), intervals=count)
-
-
-def _order(use: Use) -> float:
-    """The bound, +inf for what is not a number."""
-    return use.bound if np.isfinite(use.bound) else np.inf
+    return replace(same[int(np.argmax(bounds))], intervals=count)
 
 
 def fastest(motion: CertifiedMotion) -> float:

@@ -6,6 +6,7 @@ beside the unknowns, theirs is the block of the inverse over all columns [Y_b F]
 correlated noise: their errors are larger by the root of the variance inflation.
 """
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,7 +87,10 @@ def predict(
             for samples in SAMPLES:
                 gram, condition = _gram(lib, trajectory, known, columns, samples)
                 spread = spreads[columns] = _covariance(gram, len(size), trajectory)
-                scores.append(_score(samples, columns, len(gram), condition, spread, size, seen))
+                relative = float(np.sqrt(np.mean(np.diag(spread) / size**2)))
+                torque = float(np.sqrt(np.sum(seen * spread)))
+                axis = float(np.exp(np.linalg.slogdet(spread)[1] / (2 * len(spread))))
+                scores.append(Score(samples, len(gram), columns, condition, relative, torque, axis))
         except IdentificationError as error:
             if not columns:
                 raise
@@ -97,7 +101,10 @@ def predict(
             "motion within these limits shows"
         )
     best = spreads[()]
-    mass, com = _payload(lib, trajectory, known)
+    mass_and_com: tuple[float | None, Array | None] = (None, None)
+    with suppress(IdentificationError):  # a motion that does not show them
+        ten = information(lib, known.noise, known.rate, payload=True)
+        mass_and_com = payload_sigma(covariance_of(lib, trajectory, ten, _OFFSET))
     return Prediction(
         known.noise,
         known.rate,
@@ -107,30 +114,9 @@ def predict(
         np.sqrt(np.diag(best)),
         np.sqrt(np.diag(spreads[names])) if names in spreads else None,
         np.sqrt([np.sum(one * best) for one in joints]),
-        mass,
-        com,
+        *mass_and_com,
         tuple(notes),
         known.left_out,
-    )
-
-
-def _score(
-    samples: int,
-    names: tuple[str, ...],
-    columns: int,
-    condition: float,
-    spread: Array,
-    size: Array,
-    seen: Array,
-) -> Score:
-    return Score(
-        samples,
-        columns,
-        names,
-        condition,
-        float(np.sqrt(np.mean(np.diag(spread) / size**2))),
-        float(np.sqrt(np.sum(seen * spread))),
-        float(np.exp(np.linalg.slogdet(spread)[1] / (2 * len(spread)))),
     )
 
 
@@ -192,13 +178,3 @@ def payload_sigma(spread: Array) -> tuple[float, Array]:
     slope = np.zeros((3, len(PAYLOAD)))
     slope[:, MASS], slope[:, FIRST_MOMENT] = -_COM / load, np.eye(3) / load
     return float(np.sqrt(spread[MASS, MASS])), np.sqrt(np.diag(slope @ spread @ slope.T))
-
-
-def _payload(
-    lib: Library, trajectory: Trajectory, known: Information
-) -> tuple[float | None, Array | None]:
-    ten = information(lib, known.noise, known.rate, payload=True)
-    try:
-        return payload_sigma(covariance_of(lib, trajectory, ten, _OFFSET))
-    except IdentificationError:
-        return None, None

@@ -3,6 +3,8 @@
 max |τ_engine(file) − damping dq − armature ddq − Y π| / max |Y π|  ≤  1e-9
 """
 
+from types import ModuleType
+
 import numpy as np
 
 from runtime.errors import ExportError
@@ -14,10 +16,11 @@ TOLERANCE = 1e-9
 """Torque difference over the largest torque; 17 digits and two recursions leave about 1e-14."""
 
 
-def compare_reloaded(model: IdentifiedModel, reloaded: Reloaded | None, install: str) -> str:
-    """Compare what an engine read with π, damping, dry friction and rotor inertia of the model."""
+def compare_reloaded(engine: ModuleType, model: IdentifiedModel, text: str) -> str:
+    """Compare what an engine reads with π, damping, dry friction and rotor inertia of the model."""
+    reloaded: Reloaded | None = engine.reload(text, model.lib, model.states)
     if reloaded is None:
-        return unchecked(install)
+        return unchecked(engine.INSTALL)
     lib = model.lib
     expected = lib.inverse_dynamics(*random_states(lib, len(reloaded.tau)), model.pi)
     what = f"reloaded by {reloaded.engine}, the file gives torques that differ"

@@ -77,6 +77,12 @@ def row(values: Array) -> str:
     return " ".join(map(digits, values))
 
 
+def quoted(name: str) -> str:
+    """Text in double quotes, of C++ and USD."""
+    escaped = name.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'
+
+
 WORLD = "world"
 """Name of a root link that MuJoCo and SDF predefine."""
 

@@ -7,16 +7,7 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from runtime.outputs.report.canvas import (
-    AFTER,
-    BEFORE,
-    MEASURED,
-    PAGE_INK,
-    page_figure,
-    pauses,
-    svg,
-    thinned,
-)
+from runtime.outputs.report import canvas
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,7 +18,11 @@ Array = NDArray[np.float64]
 POINTS, PANEL_POINTS = 6000, 1200
 """Largest number of points of a trace over the whole page, and over a part of its width."""
 
-CURVES = (("measured", MEASURED), ("predicted before", BEFORE), ("predicted after", AFTER))
+CURVES = (
+    ("measured", canvas.MEASURED),
+    ("predicted before", canvas.BEFORE),
+    ("predicted after", canvas.AFTER),
+)
 """Label and colour of the torques."""
 
 
@@ -40,9 +35,9 @@ def torques(
     after: Array,
 ) -> Markup:
     """Torques (N, n) and measured − predicted of each joint over the times t (N,) of a test."""
-    n, gaps = len(joints), pauses(t)
+    n, gaps = len(joints), canvas.pauses(t)
     height = 0.75 + 1.15 * n
-    with page_figure(height, layout=None) as figure:
+    with canvas.page_figure(height, layout=None) as figure:
         axes = figure.subplots(n, 2, squeeze=False, sharex=True, width_ratios=(3, 2))
         # Fixed margins: the layout engine would draw every panel once more.
         top, bottom = 1 - 0.6 / height, 0.45 / height
@@ -51,11 +46,11 @@ def torques(
             values = [a[:, j] for a in (measured, before, after)]
             # The measured torque is a thin line above the predictions, which it nearly covers.
             for value, (label, colour), width in zip(values, CURVES, (0.6, 1.2, 2.0), strict=True):
-                points = thinned(t, value, PANEL_POINTS, gaps)
+                points = canvas.thinned(t, value, PANEL_POINTS, gaps)
                 line = {"linewidth": width, "zorder": 3 if value is values[0] else 2}
                 left.plot(*points, color=colour, label=label, **line)
             for value, (_, colour) in zip(values[1:], CURVES[1:], strict=True):
-                right.plot(*thinned(t, values[0] - value, PANEL_POINTS, gaps), color=colour)
+                right.plot(*canvas.thinned(t, values[0] - value, PANEL_POINTS, gaps), color=colour)
             left.set_title(f"{joints[j]}  [{units[j]}]")
             for axis in (left, right):
                 axis.margins(x=0)
@@ -64,7 +59,7 @@ def torques(
         for axis in axes[-1]:
             axis.set_xlabel("time [s]")
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="upper left", ncols=3)
-        return svg(figure, "torques")
+        return canvas.svg(figure, "torques")
 
 
 def mass_change(
@@ -74,13 +69,13 @@ def mass_change(
     n, change = len(links), np.nan_to_num(after - before)
     reach = np.zeros(n) if sigma is None else np.nan_to_num(sigma)
     spread = [""] * n if sigma is None else [f" ± {s:.2g}" for s in sigma]
-    with page_figure(height=0.5 + 0.28 * n) as figure:
+    with canvas.page_figure(height=0.5 + 0.28 * n) as figure:
         axis = figure.subplots()
-        axis.barh(range(n), change, color=AFTER, height=0.6)
+        axis.barh(range(n), change, color=canvas.AFTER, height=0.6)
         if sigma is not None:
-            bars: dict[str, Any] = {"ecolor": PAGE_INK, "elinewidth": 0.9, "capsize": 2}
+            bars: dict[str, Any] = {"ecolor": canvas.PAGE_INK, "elinewidth": 0.9, "capsize": 2}
             axis.errorbar(change, range(n), xerr=reach, fmt="none", **bars)
-        axis.axvline(0, color=PAGE_INK, linewidth=0.8)
+        axis.axvline(0, color=canvas.PAGE_INK, linewidth=0.8)
         for k in range(n):
             away = 1 if change[k] >= 0 else -1
             axis.annotate(
@@ -97,23 +92,23 @@ def mass_change(
         axis.invert_yaxis()
         axis.grid(visible=False, axis="y")
         axis.set_xlabel("change of mass [kg]")
-        return svg(figure, "mass")
+        return canvas.svg(figure, "mass")
 
 
 def convergence(iteration: Array, training: Array, validation: Array) -> Markup:
     """Training and validation loss over iterations, on a logarithmic axis."""
-    with page_figure(height=2.6) as figure:
+    with canvas.page_figure(height=2.6) as figure:
         axis = figure.subplots()
         most = POINTS
         for values, colour, label in (
-            (training, AFTER, "training"),
-            (validation, BEFORE, "validation"),
+            (training, canvas.AFTER, "training"),
+            (validation, canvas.BEFORE, "validation"),
         ):
             seen = np.isfinite(values)
             if seen.any():
                 mark = "." if seen.sum() < 40 else ""
                 axis.plot(
-                    *thinned(iteration[seen], values[seen], most),
+                    *canvas.thinned(iteration[seen], values[seen], most),
                     color=colour,
                     label=label,
                     marker=mark,
@@ -123,7 +118,7 @@ def convergence(iteration: Array, training: Array, validation: Array) -> Markup:
         axis.set_ylabel("loss")
         if axis.has_data():
             axis.legend()
-        return svg(figure, "convergence")
+        return canvas.svg(figure, "convergence")
 
 
 def method_bars(
@@ -137,8 +132,8 @@ def method_bars(
     m, n = rms.shape
     columns = min(n, 4)
     lines = -(-n // columns)
-    colours = [AFTER if ok else BEFORE for ok in good]
-    with page_figure(height=lines * (0.7 + 0.19 * m)) as figure:
+    colours = [canvas.AFTER if ok else canvas.BEFORE for ok in good]
+    with canvas.page_figure(height=lines * (0.7 + 0.19 * m)) as figure:
         axes = figure.subplots(lines, columns, squeeze=False, sharey=True).ravel()
         for j, axis in enumerate(axes[:n]):
             end = min(3 * float(np.median(rms[:, j])), float(rms[:, j].max())) or 1.0
@@ -147,7 +142,7 @@ def method_bars(
             labels = [
                 f"{x:.3g}{' →' if far else ''}" for x, far in zip(rms[:, j], cut, strict=True)
             ]
-            axis.bar_label(bars, labels, padding=2, color=PAGE_INK, fontsize=6)
+            axis.bar_label(bars, labels, padding=2, color=canvas.PAGE_INK, fontsize=6)
             axis.set_xlim(0, 1.35 * end)
             axis.set_title(f"{joints[j]}  [{units[j]}]")
             axis.set_yticks(range(m), list(methods))
@@ -155,7 +150,7 @@ def method_bars(
         axes[0].invert_yaxis()
         for axis in axes[n:]:
             axis.set_visible(False)
-        return svg(figure, "methods")
+        return canvas.svg(figure, "methods")
 
 
 def _logarithmic(axis: "Axes", values: Array) -> None:

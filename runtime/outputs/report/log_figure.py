@@ -7,16 +7,7 @@ import numpy as np
 
 from runtime.identification.expected_accuracy.expected import Growth
 from runtime.monitoring.observation import Observation
-from runtime.outputs.report.canvas import (
-    BLUE,
-    CYCLE,
-    GREY,
-    INK,
-    VERMILION,
-    heading,
-    picture,
-    thinned,
-)
+from runtime.outputs.report import canvas
 from runtime.recording import Recording
 
 POINTS = 4000
@@ -32,40 +23,46 @@ def draw_external_torque(
     """Write a figure with one panel per joint: r, its thresholds, contacts shaded."""
     t = observation.t
     rows = np.arange(0, len(t), max(1, len(t) // POINTS))
-    with picture(path, (10.0, 1.2 + 1.1 * len(names)), dpi=110) as figure:
+    with canvas.picture(path, (10.0, 1.2 + 1.1 * len(names)), dpi=110) as figure:
         axes = np.atleast_1d(figure.subplots(len(names), 1, sharex=True))
         for j, (axis, name, unit) in enumerate(zip(axes, names, units, strict=True)):
             for contact in observation.contacts:
                 if contact.number == j:
-                    axis.axvspan(contact.time_s, contact.end_s, color=VERMILION, alpha=0.3, lw=0)
-            axis.plot(*thinned(t, observation.r[:, j], POINTS), color=BLUE, linewidth=0.8)
+                    axis.axvspan(
+                        contact.time_s, contact.end_s, color=canvas.VERMILION, alpha=0.3, lw=0
+                    )
+            axis.plot(
+                *canvas.thinned(t, observation.r[:, j], POINTS), color=canvas.BLUE, linewidth=0.8
+            )
             for sign in (1, -1):
-                axis.plot(t[rows], sign * observation.threshold[rows, j], color=GREY, linewidth=0.8)
+                axis.plot(
+                    t[rows], sign * observation.threshold[rows, j], color=canvas.GREY, linewidth=0.8
+                )
             axis.set_title(f"{name} [{unit.replace('*', '·')}]")
             axis.margins(x=0)
         axes[-1].set_xlabel("t [s]")
-        heading(figure, "external torque (blue), thresholds (grey), contacts (shaded)")
+        canvas.heading(figure, "external torque (blue), thresholds (grey), contacts (shaded)")
 
 
 def draw_growth(growth: Growth, path: Path) -> None:
     """Write two panels over time: σ of every mass, and σ of the worst base parameter."""
-    with picture(path, (10.0, 4.6), dpi=130) as figure:
+    with canvas.picture(path, (10.0, 4.6), dpi=130) as figure:
         masses, worst = figure.subplots(1, 2, sharex=True)
         for k, (name, sigma) in enumerate(zip(growth.links, growth.masses.T, strict=True)):
-            style = _DASHES[k // len(CYCLE) % len(_DASHES)]
-            colour = CYCLE[k % len(CYCLE)]
+            style = _DASHES[k // len(canvas.CYCLE) % len(_DASHES)]
+            colour = canvas.CYCLE[k % len(canvas.CYCLE)]
             masses.plot(growth.seconds, 1e3 * sigma, color=colour, linestyle=style, label=name)
         is_known = np.isfinite(growth.payload)
         if is_known.any():
             masses.plot(
                 growth.seconds[is_known],
                 1e3 * growth.payload[is_known],
-                color=INK,
+                color=canvas.INK,
                 linewidth=2.0,
                 label="payload of 1 kg on a known arm",
             )
         masses.set_title("σ of masses [g], MAP with the URDF as prior")
-        worst.plot(growth.seconds, 100 * growth.worst, color=INK)
+        worst.plot(growth.seconds, 100 * growth.worst, color=canvas.INK)
         worst.set_title("largest σ of a base parameter [% of its value]; "
                         f"at the end: {growth.worst_name}")  # fmt: skip
         for axis in (masses, worst):
@@ -75,10 +72,10 @@ def draw_growth(growth: Growth, path: Path) -> None:
             axis.set_xlabel("recording time [s]")
             if growth.seconds[-1] > growth.recorded:
                 span = growth.recorded, float(growth.seconds[-1])
-                axis.axvspan(*span, color=GREY, alpha=0.25, linewidth=0)
+                axis.axvspan(*span, color=canvas.GREY, alpha=0.25, linewidth=0)
         figure.legend(*masses.get_legend_handles_labels(), loc="outside lower left", ncols=4)
         further = f"; grey: {growth.further}" if growth.seconds[-1] > growth.recorded else ""
-        heading(figure, f"{growth.robot}, {growth.motion}, {growth.recorded:.3g} s{further}")
+        canvas.heading(figure, f"{growth.robot}, {growth.motion}, {growth.recorded:.3g} s{further}")
 
 
 def draw_log(recording: Recording, path: Path, rest: Sequence[tuple[float, float]] = ()) -> None:
@@ -87,10 +84,12 @@ def draw_log(recording: Recording, path: Path, rest: Sequence[tuple[float, float
     panels = {title: values for title, values in signals.items() if values is not None}
     t, steps = recording.t, np.diff(recording.t)
     names = recording.joint_names or tuple(str(j + 1) for j in range(recording.n_joints))
-    with picture(path, (10.0, 1.8 * (len(panels) + 1)), dpi=120) as figure:
+    with canvas.picture(path, (10.0, 1.8 * (len(panels) + 1)), dpi=120) as figure:
         axes = figure.subplots(len(panels) + 1, 1, sharex=True, squeeze=False)[:, 0]
         if len(steps):
-            axes[0].plot(*thinned(t[1:], 1e3 * steps, POINTS), color=BLUE, linewidth=0.6)
+            axes[0].plot(
+                *canvas.thinned(t[1:], 1e3 * steps, POINTS), color=canvas.BLUE, linewidth=0.6
+            )
             median, most = 1e3 * float(np.median(steps)), 1e3 * float(steps.max())
             if most > _GAP * median:
                 axes[0].set_yscale("log")
@@ -101,14 +100,16 @@ def draw_log(recording: Recording, path: Path, rest: Sequence[tuple[float, float
         axes[0].set_title("time step [ms]")
         for axis, (title, values) in zip(axes[1:], panels.items(), strict=True):
             for j, name in enumerate(names):
-                colour = CYCLE[j % len(CYCLE)]
-                axis.plot(*thinned(t, values[:, j], POINTS), color=colour, label=name)
+                colour = canvas.CYCLE[j % len(canvas.CYCLE)]
+                axis.plot(*canvas.thinned(t, values[:, j], POINTS), color=colour, label=name)
             axis.set_title(title)
         gaps = np.flatnonzero(steps > _GAP * np.median(steps)) if len(steps) else steps[:0]
         for axis in axes:
             for start, end in rest:
-                axis.axvspan(start, end, color=GREY, alpha=0.3, linewidth=0)
+                axis.axvspan(start, end, color=canvas.GREY, alpha=0.3, linewidth=0)
             for i in gaps:
-                axis.axvspan(t[int(i)], t[int(i) + 1], color=VERMILION, alpha=0.3, linewidth=0)
+                axis.axvspan(
+                    t[int(i)], t[int(i) + 1], color=canvas.VERMILION, alpha=0.3, linewidth=0
+                )
         axes[-1].set_xlabel("time [s]; grey: rest, red: gaps")
         axes[1].legend(loc="upper right", ncols=len(names), fontsize=6)

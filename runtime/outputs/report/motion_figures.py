@@ -13,18 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.excitation.motion_profile import Band, Gap, MotionProfile
-from runtime.outputs.report.canvas import (
-    BLUE,
-    GREEN,
-    GREY,
-    INK,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-    heading,
-    picture,
-)
+from runtime.outputs.report import canvas
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,7 +28,7 @@ CLOSEST = 4
 NEAR = 0.3
 """Upper end of the panel where all emphasised distances fall below it [m]."""
 
-BOLD = ((BLUE, "-"), (ORANGE, "--"), (GREEN, "-."), (PURPLE, ":"))
+BOLD = ((canvas.BLUE, "-"), (canvas.ORANGE, "--"), (canvas.GREEN, "-."), (canvas.PURPLE, ":"))
 
 TITLES = {
     "self-collision": "distance between links [m]",
@@ -59,7 +48,7 @@ def draw_space(figure: "Figure", profile: MotionProfile) -> None:
         note = "" if kind not in profile.certificate.unchecked else ": NOT checked"
         axis.set_title(TITLES[kind] + note)
     panels[-1].set_xlabel("time [s]")
-    heading(figure, f"{profile.robot}, {profile.t[-1]:g} s: path of the tip and distances")
+    canvas.heading(figure, f"{profile.robot}, {profile.t[-1]:g} s: path of the tip and distances")
 
 
 def _distances(axis: "Axes", profile: MotionProfile, gaps: list[Gap]) -> None:
@@ -73,21 +62,23 @@ def _distances(axis: "Axes", profile: MotionProfile, gaps: list[Gap]) -> None:
     ranked = sorted(gaps, key=lambda gap: gap.left)
     bold, others = ranked[:CLOSEST], ranked[CLOSEST:]
     for gap in others:
-        axis.plot(profile.t, gap.values, color=GREY, linewidth=0.6)
+        axis.plot(profile.t, gap.values, color=canvas.GREY, linewidth=0.6)
     for gap, (colour, dashes) in zip(bold, BOLD, strict=False):
         label = f"{gap.label}: {1e3 * gap.least:.1f} / {1e3 * gap.margin:g} mm"
         axis.plot(profile.t, gap.values, color=colour, linestyle=dashes, label=label, zorder=3)
     for margin in sorted({gap.margin for gap in gaps}):
         worst = min(gap.left for gap in gaps if gap.margin == margin)
-        axis.axhline(margin, color=VERMILION, linewidth=1.0)
+        axis.axhline(margin, color=canvas.VERMILION, linewidth=1.0)
         if worst < 0:
-            axis.axhspan(min(0.0, margin + worst), margin, color=VERMILION, alpha=0.12, linewidth=0)
+            axis.axhspan(
+                min(0.0, margin + worst), margin, color=canvas.VERMILION, alpha=0.12, linewidth=0
+            )
     top = min(max(gap.values.max() for gap in bold), max(NEAR, 2 * bold[-1].least))
     low = min(0.0, *(gap.least for gap in gaps))
     axis.set_ylim(low - 0.03 * (top - low), 1.02 * top)
-    axis.plot([], [], color=VERMILION, linewidth=1.0, label="margin")
+    axis.plot([], [], color=canvas.VERMILION, linewidth=1.0, label="margin")
     if others:
-        axis.plot([], [], color=GREY, linewidth=0.6, label=f"{len(others)} others")
+        axis.plot([], [], color=canvas.GREY, linewidth=0.6, label=f"{len(others)} others")
     axis.legend(
         loc="upper left",
         bbox_to_anchor=(1.0, 1.0),
@@ -103,13 +94,13 @@ def _path(axis: "Axes3D", profile: MotionProfile) -> None:
     tip, middle = profile.tip, profile.tip[len(profile.tip) // 2]
     low, high = _room(profile)
     floor = profile.table if profile.table is not None else low[2]
-    axis.plot(tip[:, 0], tip[:, 1], np.full(len(tip), floor), color=GREY, linewidth=0.8)
-    axis.plot(*tip.T, color=BLUE, label="tip")
-    axis.plot(*tip[:1].T, "o", color=GREEN, markersize=7, label="start and end")
-    axis.plot(*middle[:, None], "s", color=ORANGE, markersize=5, label="half time")
+    axis.plot(tip[:, 0], tip[:, 1], np.full(len(tip), floor), color=canvas.GREY, linewidth=0.8)
+    axis.plot(*tip.T, color=canvas.BLUE, label="tip")
+    axis.plot(*tip[:1].T, "o", color=canvas.GREEN, markersize=7, label="start and end")
+    axis.plot(*middle[:, None], "s", color=canvas.ORANGE, markersize=5, label="half time")
     if profile.table is not None:
         x, y = np.meshgrid([low[0], high[0]], [low[1], high[1]])
-        axis.plot_surface(x, y, np.full((2, 2), floor), color=SKY, alpha=0.25, label="table")
+        axis.plot_surface(x, y, np.full((2, 2), floor), color=canvas.SKY, alpha=0.25, label="table")
     if profile.box is not None:
         _wires(axis, *_open_ends(profile.box, low, high))
     axis.set_xlim(low[0], high[0])
@@ -153,16 +144,16 @@ def _wires(axis: "Axes3D", low: Array, high: Array) -> None:
         edge[:, along] = ends[:, along]
         for other, side in zip([k for k in range(3) if k != along], pair, strict=True):
             edge[:, other] = ends[side, other]
-        axis.plot(*edge.T, color=VERMILION, linewidth=0.8, label=label)
+        axis.plot(*edge.T, color=canvas.VERMILION, linewidth=0.8, label=label)
         label = "_"
 
 
 LINES = {
-    "position": (BLUE, "-"),
-    "velocity": (ORANGE, "--"),
-    "acceleration": (GREEN, "-."),
-    "jerk": (PURPLE, ":"),
-    "torque": (INK, "-"),
+    "position": (canvas.BLUE, "-"),
+    "velocity": (canvas.ORANGE, "--"),
+    "acceleration": (canvas.GREEN, "-."),
+    "jerk": (canvas.PURPLE, ":"),
+    "torque": (canvas.INK, "-"),
 }
 """Colour and line style, which is also distinguishable in black and white."""
 PER_SECOND = {"position": "", "velocity": "/s", "acceleration": "/s²"}
@@ -184,7 +175,7 @@ def write_pictures(profile: MotionProfile, path: Path) -> tuple[Path, ...]:
     )
     pictures = picture_paths(path)
     for file, (size, draw) in zip(pictures, drawings, strict=True):
-        with picture(file, size, DPI) as figure:
+        with canvas.picture(file, size, DPI) as figure:
             draw(figure, profile)
     return pictures
 
@@ -205,9 +196,9 @@ def draw_motion(figure: "Figure", profile: MotionProfile) -> None:
             axis.plot(profile.t, profile.motion[kind][:, j], color=colour)
             note = _limits(axis, profile.bands[kind], j)
             name = f"{profile.joints[j]}   " if kind == "position" else ""
-            axis.set_title(name + note, color=INK if name else VERMILION)
+            axis.set_title(name + note, color=canvas.INK if name else canvas.VERMILION)
             axis.set_ylabel(_unit(profile, kind, j))
-        row[0].axhline(profile.motion["position"][0, j], color=GREY, linewidth=0.8, zorder=1)
+        row[0].axhline(profile.motion["position"][0, j], color=canvas.GREY, linewidth=0.8, zorder=1)
         _shares(row[-1], profile, j)
         for axis in row:
             axis.margins(x=0)
@@ -225,7 +216,7 @@ def draw_motion(figure: "Figure", profile: MotionProfile) -> None:
     if profile.certificate.unchecked:
         lines.append(f"NOT checked: {', '.join(profile.certificate.unchecked)}")
     head = f"{profile.robot}, {profile.t[-1]:g} s: limits {verdict}"
-    heading(figure, "\n".join([head, *lines]))
+    canvas.heading(figure, "\n".join([head, *lines]))
 
 
 def _unit(profile: MotionProfile, kind: str, joint: int) -> str:
@@ -240,7 +231,7 @@ def _limits(axis: "Axes", band: Band, joint: int) -> str:
     far = []
     for end in (band.lower[joint], band.upper[joint]):
         if np.isfinite(end) and abs(end) <= FAR * size:
-            axis.axhline(end, color=VERMILION, linewidth=1.0)
+            axis.axhline(end, color=canvas.VERMILION, linewidth=1.0)
         elif np.isfinite(end):
             far.append(float(end))
     axis.margins(y=0.08)
@@ -256,7 +247,7 @@ def _shares(axis: "Axes", profile: MotionProfile, joint: int) -> None:
         colour, dashes = LINES[kind]
         axis.plot(profile.t, 100 * share[:, joint], color=colour, linestyle=dashes, label=kind)
         peak = max(peak, float(np.nan_to_num(share[:, joint]).max()))
-    axis.axhline(100, color=VERMILION, linewidth=1.0)
+    axis.axhline(100, color=canvas.VERMILION, linewidth=1.0)
     axis.set_ylim(0, max(108.0, 104 * peak))
     axis.set_yticks([0, 50, 100])
     axis.set_ylabel("%")
@@ -270,17 +261,17 @@ def draw_speed(figure: "Figure", profile: MotionProfile) -> None:
     for j, axis in enumerate(panels[:n]):
         q, dq = profile.motion["position"][:, j], profile.motion["velocity"][:, j]
         edge = profile.envelopes[j]
-        axis.plot(q, dq, color=BLUE, label="motion")
-        axis.plot(q[0], dq[0], "o", color=GREEN, markersize=5, label="start and end")
+        axis.plot(q, dq, color=canvas.BLUE, label="motion")
+        axis.plot(q[0], dq[0], "o", color=canvas.GREEN, markersize=5, label="start and end")
         across = np.clip(edge.q, -_WIDE, _WIDE)
         inside = np.isfinite(edge.q).all()
         span = (q.min(), q.max()) if not inside else (edge.q[0], edge.q[-1])
         pad = 0.05 * (span[1] - span[0]) or 1.0
         for ends, label in ((edge.upper, "limit"), (edge.lower, None)):
-            axis.plot(across, ends, color=VERMILION, linewidth=1.0, label=label)
-        axis.fill_between(across, edge.lower, edge.upper, color=SKY, alpha=0.15, linewidth=0)
+            axis.plot(across, ends, color=canvas.VERMILION, linewidth=1.0, label=label)
+        axis.fill_between(across, edge.lower, edge.upper, color=canvas.SKY, alpha=0.15, linewidth=0)
         for end in edge.q[[0, -1]] if inside else ():
-            axis.axvline(end, color=VERMILION, linewidth=1.0)
+            axis.axvline(end, color=canvas.VERMILION, linewidth=1.0)
         axis.set_xlim(span[0] - pad, span[1] + pad)
         axis.set_title(profile.joints[j])
         axis.set_xlabel(f"q [{profile.units[j]}]")
@@ -288,4 +279,6 @@ def draw_speed(figure: "Figure", profile: MotionProfile) -> None:
     for axis in panels[n:]:
         axis.set_axis_off()
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower left", ncols=3)
-    heading(figure, f"{profile.robot}, {profile.t[-1]:g} s: velocity over position, with limits")
+    canvas.heading(
+        figure, f"{profile.robot}, {profile.t[-1]:g} s: velocity over position, with limits"
+    )

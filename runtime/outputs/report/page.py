@@ -6,7 +6,7 @@ zoom and filter only.
 
 import re
 from base64 import b64encode
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
@@ -100,21 +100,19 @@ def write_page(page: Page, path: Path) -> Path:
 
 def render(page: Page) -> str:
     """HTML of a page; equal pages give equal text."""
-    script = _asset("page.js")
+    script, parts = _asset("page.js"), page.sections
     digest = b64encode(sha256(script.encode()).digest()).decode()
-    return (
-        _environment()
-        .get_template("report.html.jinja2")
-        .render(
-            page=page,
-            sections=tuple(
-                zip(page.sections, anchors(page.sections), _headings(page.sections), strict=True)
-            ),
-            grouped=any(section.group for section in page.sections),
-            style=Markup(_asset("page.css")),  # noqa: S704  our own file
-            script=Markup(script),  # noqa: S704  our own file
-            script_hash=f"sha256-{digest}",
-        )
+    # the group of each section that is the first of its group
+    pairs = pairwise((Section(""), *parts))
+    headings = [each.group if each.group != before.group else "" for before, each in pairs]
+    template = _environment().get_template("report.html.jinja2")
+    return template.render(
+        page=page,
+        sections=tuple(zip(parts, anchors(parts), headings, strict=True)),
+        grouped=any(section.group for section in parts),
+        style=Markup(_asset("page.css")),  # noqa: S704  our own file
+        script=Markup(script),  # noqa: S704  our own file
+        script_hash=f"sha256-{digest}",
     )
 
 
@@ -138,12 +136,6 @@ def anchors(sections: Iterable[Section]) -> tuple[str, ...]:
         taken[slug] = taken.get(slug, 0) + 1
         names.append(f"s-{slug}" if taken[slug] == 1 else f"s-{slug}-{taken[slug]}")
     return tuple(names)
-
-
-def _headings(sections: tuple[Section, ...]) -> Iterator[str]:
-    """Group of each section that is the first of its group, else an empty text."""
-    for previous, section in pairwise((Section(""), *sections)):
-        yield section.group if section.group != previous.group else ""
 
 
 def _asset(name: str) -> str:

@@ -89,6 +89,7 @@ def left_out_table(logs: SessionsPart) -> Table:
     return Table(head, tuple(rows))
 
 
+_PERCENT = "\N{NO-BREAK SPACE}%"
 GLOSSARY = (
     ("torque error", "100 ‖measured − predicted‖ / ‖measured‖ over the test split, per joint"),
     ("before, after", "prediction by the URDF without friction; by all identified parameters"),
@@ -112,7 +113,10 @@ def headline(result: ResultRecord) -> str:
     else:
         verb = "decreased" if after < before else "increased"
         change = f"{verb} from {percent(before)} to {percent(after)}"
-    end = "all links are physically consistent" if result.consistent else _inconsistent(result)
+    bad = [link.name for link in result.links if not is_consistent(link)]
+    end = f"not physically consistent: {', '.join(bad) or 'at least one link'}"
+    if result.consistent:
+        end = "all links are physically consistent"
     part = (
         "training data (no test split)"
         if result.recording.samples.get("test") == 0
@@ -121,18 +125,13 @@ def headline(result: ResultRecord) -> str:
     return f"The torque error on the {part} {change}; {end}."
 
 
-def _inconsistent(result: ResultRecord) -> str:
-    bad = [link.name for link in result.links if not is_consistent(link)]
-    return f"not physically consistent: {', '.join(bad) or 'at least one link'}"
-
-
 def tiles(result: ResultRecord) -> tuple[Tile, ...]:
     """The four numbers of the summary."""
     before, after = _overall(result)
     eigenvalues = (_value(link.min_relative_eigenvalue) for link in result.links)
     smallest = min(eigenvalues, default=math.nan)
     gap = result.gap_to_convex_optimum
-    shown = "not computed" if gap is None else f"{significant(100 * gap, 3)}\N{NO-BREAK SPACE}%"
+    shown = "not computed" if gap is None else f"{significant(100 * gap, 3)}{_PERCENT}"
     effort = NOTHING if result.seconds is None else f"{result.seconds:.3g} s"
     counted = "computing time" if result.iterations is None else f"{result.iterations} iterations"
     return (
@@ -286,12 +285,6 @@ def _row(pair: MirroredPair) -> tuple[str, ...]:
     return (pair.left, pair.right, pair.quantity, *sides, f"{verdict} ({pair.distance:.1f} σ)")
 
 
-def _percent(share: float | None) -> str:
-    return (
-        "any" if share is None or share >= 1 else f"{significant(100 * share)}\N{NO-BREAK SPACE}%"
-    )
-
-
 def _named(verdicts: tuple[str, ...], word: str) -> str:
     """Names of the parameters with a verdict."""
     names = [name for name, each in zip(PI_NAMES, verdicts, strict=True) if each == word]
@@ -317,8 +310,11 @@ def uncertainty_sections(
             joint,
             f"{noise:.3g}",
             f"{band:.2g}",
-            f"{100 * white:.0f}\N{NO-BREAK SPACE}%",
-            *((_percent(s.detectable_gain_error[k]),) if s.detectable_gain_error else ()),
+            f"{100 * white:.0f}{_PERCENT}",
+            *(
+                "any" if share is None or share >= 1 else f"{significant(100 * share)}{_PERCENT}"
+                for share in s.detectable_gain_error[k : k + 1]
+            ),
         )
         for k, (joint, noise, band, white) in enumerate(
             zip(joints if s.noise else (), s.noise, s.model_band, s.white_lag_share, strict=True)

@@ -212,7 +212,10 @@ def bars(lib: Library, q: Array, dq: Array | None, tau: Array | None) -> str:
     """HTML table with a row per joint: q, dq and τ (n,) as shares of their limits."""
     lines = []
     for j, joint in enumerate(lib.manifest.joints):
-        cells = [_cell(q[j], _place(q[j], joint.lower, joint.upper))]
+        share = None
+        if joint.lower is not None and joint.upper is not None:  # of half the range
+            share = abs(2 * q[j] - joint.lower - joint.upper) / (joint.upper - joint.lower)
+        cells = [_cell(q[j], share)]
         for values, limit in ((dq, joint.velocity), (tau, joint.effort)):
             known = None if values is None else float(values[j])
             cells.append(_cell(known, None if known is None or not limit else abs(known) / limit))
@@ -224,13 +227,6 @@ def bars(lib: Library, q: Array, dq: Array | None, tau: Array | None) -> str:
         '<table style="font:12px sans-serif;width:100%;padding:0 .8em;border-spacing:.5em .25em">'
         f'<tr style="opacity:.6"><th></th>{"".join(heads)}</tr>{"".join(lines)}</table>'
     )
-
-
-def _place(value: float, lower: float | None, upper: float | None) -> float | None:
-    """Distance from the middle of the range over half the range."""
-    if lower is None or upper is None:
-        return None
-    return abs(2 * value - lower - upper) / (upper - lower)
 
 
 def _cell(value: float | None, share: float | None) -> str:

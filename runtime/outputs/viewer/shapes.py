@@ -32,6 +32,10 @@ COLOURS = ((96, 125, 160, 255), (170, 185, 205, 255))
 """Colours (RGBA) of links without one, in turn."""
 
 
+_SEARCHED = {"ROS_PACKAGE_PATH": "", "AMENT_PREFIX_PATH": "share"}
+"""Variable with folders → folder of the packages in each of them."""
+
+
 @dataclass(frozen=True, slots=True)
 class Shape:
     """A mesh with its pose (4, 4) in the frame of `link`; BASE is the fixed link."""
@@ -59,7 +63,9 @@ def look_of(lib: Library, urdf: Path | None = None, packages: Iterable[Path] = (
     """Shapes of a robot: visuals of the URDF, else collision capsules, else solids."""
     text = lib.urdf() if urdf is None else _text(urdf)
     home = lib.folder if urdf is None else urdf.parent
-    places = (*packages, *_package_path())
+    listed = ((name, os.environ.get(name, "").split(os.pathsep)) for name in _SEARCHED)
+    searched = (Path(p) / _SEARCHED[name] for name, paths in listed for p in paths if p)
+    places = (*packages, *searched)
     try:
         visuals = tuple(_visuals(fromstring(text, forbid_dtd=True), lib))
     except (ParseError, ValueError) as error:
@@ -80,7 +86,11 @@ def look_of(lib: Library, urdf: Path | None = None, packages: Iterable[Path] = (
         return Look(tuple(shapes), f"{len(shapes)} visual shapes{rest}")
     why = f"no mesh could be read: {missing[0]}" if missing else "the URDF has no visual shapes"
     if lib.manifest.proxies:
-        return Look(tuple(_capsules(lib)), f"collision capsules, because {why}")
+        capsules = (
+            _capsule(p.link, p.name, np.array([p.start, p.end]), p.radius, p.joint)
+            for p in lib.manifest.proxies
+        )
+        return Look(tuple(capsules), f"collision capsules, because {why}")
     return Look(tuple(_solids(lib)), f"solids between the joints, because {why}")
 
 
@@ -89,11 +99,6 @@ def _text(path: Path) -> str:
         return text_of(path)
     except (OSError, ValueError) as error:
         raise LibraryError(f"cannot read '{path}' ({error}); give a URDF") from None
-
-
-def _package_path() -> Iterator[Path]:
-    for name, inner in (("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share")):
-        yield from (Path(p) / inner for p in os.environ.get(name, "").split(os.pathsep) if p)
 
 
 # --- visuals of the URDF -----------------------------------------------------------------------
@@ -189,12 +194,6 @@ def _resolved(name: str, places: Iterable[Path], home: Path) -> Path:
 
 
 # --- without visuals ------------------------------------------------------------------------------
-
-
-def _capsules(lib: Library) -> Iterator[Shape]:
-    for proxy in lib.manifest.proxies:
-        ends = np.array([proxy.start, proxy.end])
-        yield _capsule(proxy.link, proxy.name, ends, proxy.radius, proxy.joint)
 
 
 def _solids(lib: Library) -> Iterator[Shape]:

@@ -6,12 +6,18 @@ from typing import Any
 import numpy as np
 
 from runtime.library import Array, Library
-from runtime.outputs.model_files.engines.answer import Reloaded, Unreadable, pi_of, random_states
+from runtime.outputs.model_files.engines.answer import (
+    STATES,
+    Reloaded,
+    Unreadable,
+    pi_of,
+    random_states,
+)
 
 INSTALL = "pip install 'symgen[export]'"
 
 
-def reload(text: str, lib: Library) -> Reloaded | None:
+def reload(text: str, lib: Library, count: int = STATES) -> Reloaded | None:
     """Read an SDF by libsdformat and Drake."""
     try:
         from pydrake.multibody.parsing import Parser
@@ -32,7 +38,7 @@ def reload(text: str, lib: Library) -> Reloaded | None:
     if plant.num_velocities() != lib.n_joints or any(j.num_velocities() != 1 for j in joints):
         raise Unreadable(f"expected the joints {', '.join(lib.joint_names)}, got others")
     at = [joint.velocity_start() for joint in joints]
-    context, states = plant.CreateDefaultContext(), random_states(lib)
+    context, states = plant.CreateDefaultContext(), random_states(lib, count)
     tau = np.empty_like(states[0])
     forces = MultibodyForces(plant)
     for k, rows in enumerate(zip(*states, strict=True)):

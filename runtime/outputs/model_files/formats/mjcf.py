@@ -6,6 +6,7 @@ Dry friction becomes frictionloss, which MuJoCo treats as a constraint; damping 
 their meaning. Collision proxies of the robot become visible capsules without contacts.
 """
 
+from functools import partial
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
@@ -21,7 +22,7 @@ from runtime.outputs.model_files.model import (
     xml_comment,
 )
 from runtime.outputs.model_files.reload_check import compare_reloaded
-from runtime.outputs.model_files.urdf_tree import WORLD, Edge, RigidBody, digits, quaternion, row
+from runtime.outputs.model_files.urdf_tree import WORLD, Edge, digits, quaternion, row
 
 LEVER = 0.1
 """Distance of the two points along the axis of a revolute loop joint [m]."""
@@ -121,11 +122,6 @@ def mjcf_text(model: IdentifiedModel) -> str:
     return comment + tostring(root, "unicode") + "\n"
 
 
-def check_mjcf(model: IdentifiedModel, text: str) -> str:
-    """Reload an MJCF by MuJoCo."""
-    return compare_reloaded(model, mujoco.reload(text, model.lib, model.states), mujoco.INSTALL)
-
-
 def _has_gains(model: IdentifiedModel) -> bool:
     """Whether the gains of a control law are known for every joint."""
     return model.drives is not None and None not in (*model.drives.kp, *model.drives.kd)
@@ -156,17 +152,14 @@ def _body(model: IdentifiedModel, parent: Element, link: str, edge: Edge | None)
         body.attrib |= {"pos": row(edge.placement[:3, 3]), "quat": row(quaternion(edge.placement))}
     matter = model.bodies.by_link.get(link)
     if matter is not None and matter.mass > 0:
-        SubElement(body, "inertial", _inertial(matter))
+        e = matter.entries()
+        full = row(np.array([e["xx"], e["yy"], e["zz"], e["xy"], e["xz"], e["yz"]]))
+        inertial = {"pos": row(matter.com), "mass": digits(matter.mass), "fullinertia": full}
+        SubElement(body, "inertial", inertial)
     if edge is not None and edge.kind in KINDS:
         SubElement(body, "joint", _joint(model, edge))
     _capsules(model, body, link)
     return body
-
-
-def _inertial(body: RigidBody) -> dict[str, str]:
-    e = body.entries()
-    full = np.array([e["xx"], e["yy"], e["zz"], e["xy"], e["xz"], e["yz"]])
-    return {"pos": row(body.com), "mass": digits(body.mass), "fullinertia": row(full)}
 
 
 def _joint(model: IdentifiedModel, edge: Edge) -> dict[str, str]:
@@ -176,13 +169,9 @@ def _joint(model: IdentifiedModel, edge: Edge) -> dict[str, str]:
     if edge.name not in model.lib.joint_names:  # friction is that of the joints that it follows
         return attributes
     index, friction = model.lib.joint_names.index(edge.name), model.friction
-    named = {
-        "damping": friction.damping,
-        "frictionloss": friction.friction,
-        "armature": friction.armature,
-    }
-    for key, values in named.items():
-        value = values[index]
+    keys = {"damping": "damping", "frictionloss": "friction", "armature": "armature"}
+    for key, quantity in keys.items():
+        value = getattr(friction, quantity)[index]
         if value is not None:
             attributes[key] = digits(value)
     return attributes
@@ -208,5 +197,5 @@ MJCF = ExportFormat(
     "MJCF with inertials, joint friction, rotor inertia and motors, for MuJoCo",
     "{robot}.xml",
     mjcf_text,
-    check_mjcf,
+    partial(compare_reloaded, mujoco),
 )

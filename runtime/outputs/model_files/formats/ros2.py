@@ -20,7 +20,7 @@ from runtime.outputs.model_files.export_format import ExportFormat
 from runtime.outputs.model_files.formats.header import INSTALL, c_header, comment_text, read_arrays
 from runtime.outputs.model_files.model import IdentifiedModel, springs_left_out
 from runtime.outputs.model_files.reload_check import unchecked
-from runtime.outputs.model_files.urdf_tree import digits, row
+from runtime.outputs.model_files.urdf_tree import digits, quoted, row
 
 PLACES = {
     "package.xml": "package.xml",
@@ -95,22 +95,18 @@ def _values(model: IdentifiedModel) -> dict[str, str]:
     notes = "".join(f"\n- {note}" for note in (*model.bodies.notes, *model.friction.notes))
     return {
         "robot": lib.name,
-        "package": package_name(lib.name),
+        # lower case, one underscore at a time, as ROS requires
+        "package": re.sub(r"_+", "_", f"{lib.name}_identified_dynamics"),
         "model_hash": lib.manifest.model_hash,
         "n": str(lib.n_joints),
         "links": str(lib.n_links),
         "parameters": str(model.pi.size),
-        "joints": ", ".join(_quoted(name) for name in lib.joint_names),
+        "joints": ", ".join(quoted(name) for name in lib.joint_names),
         "joint_list": ", ".join(f"`{name}`" for name in lib.joint_names),
         "friction_speed": digits(model.friction.terms.coulomb_speed),
         "gravity": row(lib.gravity),
         "notes": notes,
     }
-
-
-def package_name(robot: str) -> str:
-    """Name of the package: lower case, one underscore at a time, as ROS requires."""
-    return re.sub(r"_+", "_", f"{robot}_identified_dynamics")
 
 
 def _arrays(model: IdentifiedModel) -> dict[str, Array]:
@@ -150,11 +146,6 @@ def _yaml(model: IdentifiedModel) -> str:
         *(f"      {key}: [{', '.join(map(digits, v))}]" for key, v in arrays.items()),
     ]
     return "\n".join([*lines, ""])
-
-
-def _quoted(name: str) -> str:
-    """C++ string literal of a joint's name."""
-    return '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
 ROS2 = ExportFormat(

@@ -1,5 +1,6 @@
 """The URDF of the kernels with identified inertials and joint friction; all else is unchanged."""
 
+from functools import partial
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from runtime.outputs.model_files.engines import pinocchio
@@ -59,13 +60,6 @@ def urdf_text(model: IdentifiedModel) -> str:
     return document_text(tree, xml_comment(model.robot_comment(*_remove_driving_friction(tree))))
 
 
-def check_urdf(model: IdentifiedModel, text: str) -> str:
-    """Reload a URDF by pinocchio."""
-    return compare_reloaded(
-        model, pinocchio.reload(text, model.lib, model.states), pinocchio.INSTALL
-    )
-
-
 def _remove_driving_friction(tree: Tree) -> list[str]:
     """Remove published friction below zero, which would drive the joint; one note per value."""
     removed = []
@@ -86,6 +80,6 @@ URDF = ExportFormat(
     "URDF with inertials and joint friction, for pinocchio, ROS, PyBullet and Drake",
     "{robot}.urdf",
     urdf_text,
-    check_urdf,
+    partial(compare_reloaded, pinocchio),
     takes_free_base=True,
 )

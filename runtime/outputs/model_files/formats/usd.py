@@ -19,7 +19,7 @@ from runtime.outputs.model_files.engines import usd
 from runtime.outputs.model_files.export_format import ExportFormat
 from runtime.outputs.model_files.model import IdentifiedModel, couplings, require_loop_frames
 from runtime.outputs.model_files.reload_check import reloaded_fault, unchecked
-from runtime.outputs.model_files.urdf_tree import Edge, RigidBody, digits, quaternion
+from runtime.outputs.model_files.urdf_tree import Edge, RigidBody, digits, quaternion, quoted
 
 
 def prim_names(names: list[str]) -> dict[str, str]:
@@ -47,12 +47,6 @@ def tuple_of(values: Array) -> str:
     return f"({', '.join(map(digits, values))})"
 
 
-def quoted(name: str) -> str:
-    """Quoted text of USD."""
-    escaped = name.replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{escaped}"'
-
-
 MOVING = {"revolute": "Revolute", "continuous": "Revolute", "prismatic": "Prismatic"}
 """Kind of a joint of a URDF → word in the name of the prim."""
 LOOPS = {
@@ -64,16 +58,6 @@ LOOPS = {
 }
 """Kind of a loop joint → type of its prim."""
 _LOCKED = ("transX", "transY", "rotX", "rotY")
-
-
-def anchor(base: str) -> list[str]:
-    """Fixed joint of the base to the world."""
-    return [
-        '        def PhysicsFixedJoint "root_joint"',
-        "        {",
-        f"            rel physics:body1 = <{base}>",
-        "        }",
-    ]
 
 
 def joint_prim(
@@ -272,7 +256,10 @@ def usd_text(model: IdentifiedModel) -> str:
         "{",
     ]
     paths = _paths(model, f"/{root}", names)
-    places, at = {tree.base: np.eye(4)}, _positions(model)
+    places, at = {tree.base: np.eye(4)}, dict[str, float]()
+    if lib.all_joint_names != lib.joint_names:  # the bodies stand at home
+        home = lib.all_positions(lib.home).tolist()
+        at = dict(zip(lib.all_joint_names, home, strict=True))
     for link in tree.subtree(tree.base):
         edge = tree.edges.get(link)
         if edge is not None:
@@ -283,7 +270,8 @@ def usd_text(model: IdentifiedModel) -> str:
             lines += indented(_link(model, link, names, places[link], paths), 4)
     lines += ['    def Scope "joints"', "    {"]
     if _is_body(model, tree.base):
-        lines += anchor(paths[tree.base])
+        fixed = [f"rel physics:body1 = <{paths[tree.base]}>"]
+        lines += indented(_prim("PhysicsFixedJoint", "root_joint", [], fixed), 8)
     for edge in tree.edges.values():
         if paths[edge.child].count("/") == 2:
             ends = (paths[edge.parent], paths[edge.child])
@@ -338,14 +326,6 @@ def _require_mechanism_read(model: IdentifiedModel, read: usd.ReloadedStage) -> 
         if not read.follows(name, master, factor, offset):
             what = f"the joint '{name}' does not follow '{master}' as in the robot"
             raise reloaded_fault(read.engine, what)
-
-
-def _positions(model: IdentifiedModel) -> dict[str, float]:
-    """Joint → position in which the stage places the bodies [rad, m]; empty for q = 0."""
-    lib = model.lib
-    if lib.all_joint_names == lib.joint_names:
-        return {}
-    return dict(zip(lib.all_joint_names, lib.all_positions(lib.home).tolist(), strict=True))
 
 
 def _is_body(model: IdentifiedModel, link: str) -> bool:

@@ -8,13 +8,17 @@ armature, friction, dynamic_friction, viscous_friction. `delay` [s], `encoder_bi
 delay as a number of physics steps. Source: Isaac Lab documentation, isaaclab.actuators.
 """
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 
 from runtime.errors import ExportError
+from runtime.library import Library
 from runtime.outputs.model_files.engines import pinocchio, yaml
 from runtime.outputs.model_files.export_format import ExportFormat
 from runtime.outputs.model_files.formats.urdf import urdf_text
-from runtime.outputs.model_files.joint_friction import Drives, Values
+from runtime.outputs.model_files.joint_friction import KEYS, Drives, Values
 from runtime.outputs.model_files.model import IdentifiedModel
 from runtime.outputs.model_files.reload_check import compare_reloaded, unchecked
 from runtime.outputs.model_files.urdf_tree import RigidBody, digits, link_keys, row, short_names
@@ -45,12 +49,14 @@ def friction_text(model: IdentifiedModel) -> str:
     return yaml_comment(lines) + "".join(blocks)
 
 
-def check_friction(model: IdentifiedModel, text: str) -> str:
-    """Reload a URDF into which the friction of the file was put."""
-    urdf = yaml.urdf_with_friction(text, model.lib, urdf_text(model))
+def check_in_urdf(
+    put: Callable[[str, Library, str], str | None], model: IdentifiedModel, text: str
+) -> str:
+    """Reload a URDF into which the numbers of the file were put."""
+    urdf = put(text, model.lib, urdf_text(model))
     if urdf is None:
         return unchecked(yaml.INSTALL)
-    return compare_reloaded(model, pinocchio.reload(urdf, model.lib), pinocchio.INSTALL)
+    return compare_reloaded(pinocchio, model, urdf)
 
 
 FRICTION = ExportFormat(
@@ -58,7 +64,7 @@ FRICTION = ExportFormat(
     "dynamics.yaml of franka_description, damping and dry friction per joint",
     "dynamics.yaml",
     friction_text,
-    check_friction,
+    partial(check_in_urdf, yaml.urdf_with_friction),
     holds_inertia=False,
 )
 
@@ -70,14 +76,6 @@ def inertials_text(model: IdentifiedModel) -> str:
     keys = link_keys(model.tree)
     blocks = [_inertial(keys[name], body) for name, body in ordered.items()]
     return yaml_comment(model.comment("Inertial parameters", *model.bodies.notes)) + "".join(blocks)
-
-
-def check_inertials(model: IdentifiedModel, text: str) -> str:
-    """Reload a URDF into which the inertials of the file were put."""
-    urdf = yaml.urdf_with_inertials(text, model.lib, urdf_text(model))
-    if urdf is None:
-        return unchecked(yaml.INSTALL)
-    return compare_reloaded(model, pinocchio.reload(urdf, model.lib), pinocchio.INSTALL)
 
 
 def _inertial(key: str, body: RigidBody) -> str:
@@ -95,7 +93,7 @@ INERTIALS = ExportFormat(
     "inertials.yaml of franka_description, one inertial per link",
     "inertials.yaml",
     inertials_text,
-    check_inertials,
+    partial(check_in_urdf, yaml.urdf_with_inertials),
 )
 
 
@@ -106,7 +104,6 @@ _OF_CONFIG = {
     "viscous_friction": "viscous",
 }
 """Key of Isaac Lab → key of a drive."""
-_SIGMA = ("armature", "viscous", "coulomb", "offset", "encoder_bias")
 
 
 def actuators_text(model: IdentifiedModel) -> str:
@@ -134,7 +131,7 @@ def actuators_text(model: IdentifiedModel) -> str:
     text += _table("encoder_bias", drives, drives.values["encoder_bias"], 0)
     text += _table("offset", drives, drives.values["offset"], 0)
     text += ["sigma:"]
-    for key in _SIGMA:
+    for key in KEYS:
         text += _table(key, drives, drives.sigma[key], 2)
     text += _table("delay", drives, drives.delay_sigma, 2)
     return yaml_comment(lines) + "\n".join(text) + "\n"

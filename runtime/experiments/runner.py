@@ -4,7 +4,7 @@ Every finished chunk is a file; result.json is written last. A run that was kill
 from which the next run continues; damaged files are computed again.
 """
 
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,19 +14,7 @@ from typing import Any
 from runtime.common.files import json_of, write_json
 from runtime.common.threads import cores, one_blas_thread
 from runtime.errors import RuntimeFault
-from runtime.experiments.storage import (
-    CONFIG,
-    RESULT,
-    SERIES,
-    TRIALS,
-    Chunks,
-    arrow,
-    locked,
-    missing,
-    read_series,
-    valid_result,
-    write_outcome,
-)
+from runtime.experiments import storage
 from runtime.experiments.studies import STUDIES
 from runtime.experiments.study import Arrays, Row, Study, StudyConfig, config_facts, config_hash
 from runtime.library import Library, load
@@ -72,32 +60,42 @@ def reproduce(lib: Library, study: Study, request: Request) -> dict[str, Any]:
             or a trial cannot be computed.
         KeyboardInterrupt: finished chunks are kept.
     """
-    arrow()
+    storage.arrow()
     needed: Arrays = {}
     for name in study.needs:
         reproduce(lib, STUDIES[name], replace(request, fresh=False))
-        needed = {**needed, **read_series(request.out / name)}
+        needed = {**needed, **storage.read_series(request.out / name)}
     config, trials = requested(study, request)
     facts = config_facts(study, config, lib)
     mark = config_hash(facts, lib.manifest.model_hash, needed)
     folder = request.out / study.name
-    with locked(folder):
+    with storage.locked(folder):
         if request.fresh:
             _clear(folder)
-        known = valid_result(folder, mark)
+        known = storage.valid_result(folder, mark)
         if known is not None and known["trials"] == trials:
             request.progress(study.name, trials, trials)
             return known
         _claim(folder, facts, mark, trials, request)
-        if known is None and (folder / RESULT).exists():
-            request.notify(f"'{folder / RESULT}' is damaged; it is written again from the trials")
-        chunks = Chunks(folder, mark, request.notify)
+        if known is None and (folder / storage.RESULT).exists():
+            damaged = folder / storage.RESULT
+            request.notify(f"'{damaged}' is damaged; it is written again from the trials")
+        chunks = storage.Chunks(folder, mark, request.notify)
         chunks.sweep()
         done = chunks.read(trials)
         request.progress(study.name, len(done), trials)
         prepared = study.prepare(lib, config, needed)
-        runs = missing(done, trials, study.per_chunk)
-        with closing(_computed(study, lib, config, needed, prepared, runs, request)) as computed:
+        runs = storage.missing(done, trials, study.per_chunk)
+        computed: Generator[tuple[range, list[Row]], None, None]
+        if request.scheduler is not None and runs:
+            place = lib.folder.resolve(), lib.level
+            prepare = partial(_prepared, study.name, place, config, dict(needed))
+            what = f"a chunk of '{study.name}'"
+            computed = on_cluster(prepare, _rows, [runs], request.scheduler, what)
+        else:
+            threads = request.threads or cores()
+            computed = ((numbers, study.run(prepared, numbers, threads)) for numbers in runs)
+        with closing(computed):
             for numbers, rows in computed:
                 chunks.write(numbers, rows)
                 for row in rows:
@@ -105,7 +103,9 @@ def reproduce(lib: Library, study: Study, request: Request) -> dict[str, Any]:
                 request.progress(study.name, len(done), trials)
         rows = [row for number in sorted(done) for row in done[number]]
         end = study.finish(prepared, rows)
-        return write_outcome(study, folder, lib, facts, mark, trials, rows, end, request.command)
+        return storage.write_outcome(
+            study, folder, lib, facts, mark, trials, rows, end, request.command
+        )
 
 
 def requested(study: Study, request: Request) -> tuple[StudyConfig, int]:
@@ -119,28 +119,11 @@ def requested(study: Study, request: Request) -> tuple[StudyConfig, int]:
     return config, trials
 
 
-def _computed(
-    study: Study,
-    lib: Library,
-    config: StudyConfig,
-    needed: Arrays,
-    prepared: Any,
-    runs: Sequence[range],
-    request: Request,
-) -> Generator[tuple[range, list[Row]], None, None]:
-    if request.scheduler is not None and runs:
-        place = lib.folder.resolve(), lib.level
-        prepare = partial(_prepared, study.name, place, config, dict(needed))
-        return on_cluster(prepare, _rows, [runs], request.scheduler, f"a chunk of '{study.name}'")
-    threads = request.threads or cores()
-    return ((numbers, study.run(prepared, numbers, threads)) for numbers in runs)
-
-
 def _claim(
     folder: Path, facts: Mapping[str, Any], mark: str, trials: int, request: Request
 ) -> None:
     """Write config.json."""
-    path = folder / CONFIG
+    path = folder / storage.CONFIG
     existing = folder_hash(folder)
     if existing is not None and existing != mark:
         raise RuntimeFault(
@@ -155,14 +138,16 @@ def _claim(
 def folder_hash(folder: Path) -> str | None:
     """Config hash of the folder of a study; None where it cannot be read."""
     try:
-        return str(json_of(folder / CONFIG)["config_hash"])
+        return str(json_of(folder / storage.CONFIG)["config_hash"])
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
 
 def _clear(folder: Path) -> None:
     """Remove the files of a study, and no others."""
-    files = [folder / name for name in (RESULT, TRIALS, SERIES, CONFIG)]
+    files = [
+        folder / name for name in (storage.RESULT, storage.TRIALS, storage.SERIES, storage.CONFIG)
+    ]
     for path in [*files, *(folder / "chunks").glob("*")]:
         path.unlink(missing_ok=True)
 
@@ -212,14 +197,14 @@ def state_of(lib: Library, study: Study, request: Request) -> State:
         return State(MISSING, 0, trials)
     needed: Arrays = {}
     for name in study.needs:
-        if valid_result(request.out / name) is None:
+        if storage.valid_result(request.out / name) is None:
             return State(DIFFERS, 0, trials)
-        needed = {**needed, **read_series(request.out / name)}
+        needed = {**needed, **storage.read_series(request.out / name)}
     mark = config_hash(config_facts(study, config, lib), lib.manifest.model_hash, needed)
     if existing != mark:
         return State(DIFFERS, 0, trials)
-    result = valid_result(folder, mark)
+    result = storage.valid_result(folder, mark)
     if result is not None and result["trials"] == trials:
         return State(DONE, trials, trials)
-    done = len(Chunks(folder, mark, lambda _: None).read(trials))
+    done = len(storage.Chunks(folder, mark, lambda _: None).read(trials))
     return State(PARTIAL, done, trials)

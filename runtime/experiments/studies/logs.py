@@ -13,16 +13,9 @@ from runtime.excitation import Trajectory
 from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.finish import repaired
 from runtime.excitation.search.single_start import Search
+from runtime.experiments import trials
 from runtime.experiments.study import Arrays, Row, Study, StudyOutcome
 from runtime.experiments.study import motion as motion_view
-from runtime.experiments.trials import (
-    ROLES,
-    curves,
-    designed,
-    document_robot,
-    per_joint,
-    torque_rms,
-)
 from runtime.library import Array, Library
 from runtime.recording import Recording
 from runtime.recording.preprocessing import DOCUMENT
@@ -64,15 +57,17 @@ class LogsSetup:
 
 def roles(config: LogsConfig) -> tuple[str, ...]:
     """Roles of the logs: training, validation, test, and repeats of the training."""
-    return (*ROLES, *(f"repeat {k}" for k in range(1, config.repeats + 1)))
+    return (*trials.ROLES, *(f"repeat {k}" for k in range(1, config.repeats + 1)))
 
 
 def _prepare(lib: Library, config: LogsConfig, needed: Arrays) -> LogsSetup:
     """Design the motions of all logs."""
-    designs = designed(lib, needed)
+    designs = trials.designed(lib, needed)
     designs[2] = _design(lib, designs[0], config.test_seed)
-    motions = {role: designs[k if k < len(ROLES) else 0] for k, role in enumerate(roles(config))}
-    return LogsSetup(lib, config, document_robot(lib), motions, read_payload(config.payload))
+    motions = {
+        role: designs[k if k < len(trials.ROLES) else 0] for k, role in enumerate(roles(config))
+    }
+    return LogsSetup(lib, config, trials.document_robot(lib), motions, read_payload(config.payload))
 
 
 def _design(lib: Library, like: Trajectory, seed: int) -> Trajectory:
@@ -99,7 +94,7 @@ def _run(setup: LogsSetup, numbers: range, threads: int) -> list[Row]:
         )
         measured = [np.asarray(getattr(log.recording, key)) for key in KEYS]
         row: Row = {"case": case, "method": role, "trial": number}
-        row |= per_joint("measured_rms", torque_rms(measured[-1]))
+        row |= trials.per_joint("measured_rms", trials.torque_rms(measured[-1]))
         row |= {"saturated": float(log.truth.saturated.max())}
         rows.append(
             row | {"curve": np.concatenate([log.truth.pi, *map(np.ravel, measured)]).tolist()}
@@ -123,7 +118,7 @@ def _finish(setup: LogsSetup, rows: list[Row]) -> StudyOutcome:
     history: tuple[str, ...] = ()
     for case, prefix in ((EMPTY, "tuning"), (LOADED, "loaded")):
         done = prepared(log_of(lib, series, case, "training"), PREPARATION)
-        series |= curves(prefix, done)
+        series |= trials.curves(prefix, done)
         history = done.history
     facts = {
         "robot": "virtual FR3 in MuJoCo; friction and payload were calibrated once to Tables 5.9 "

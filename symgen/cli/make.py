@@ -15,22 +15,7 @@ from runtime.common.terminal import completing, console, say
 from runtime.common.user_builds import DEFAULT_ROOT
 from symgen.chain import ChainOptions, read_chain
 from symgen.chain.mechanism import Mechanism, mechanism_from_table
-from symgen.cli.common import (
-    ArgumentOption,
-    BaseOption,
-    ConfigOption,
-    LockOption,
-    MechanismOption,
-    ModelOption,
-    OverwriteOption,
-    PackageOption,
-    RobotArgument,
-    RootOption,
-    TipOption,
-    folders_of,
-    read_arguments,
-    read_locks,
-)
+from symgen.cli import common
 from symgen.errors import BuildError
 from symgen.make import bundled_name, bundled_robots
 from symgen.make.casadi_files import write_casadi
@@ -72,13 +57,13 @@ class BuildSettings(Choices):
     name: str | None = output_field(
         help="Name of the folder and prefix of the C functions: a-z, 0-9, _."
     )
-    base: BaseOption = None
-    tip: TipOption = None
+    base: common.BaseOption = None
+    tip: common.TipOption = None
     gravity: str | None = model_field(
         metavar="X,Y,Z",
         help="Gravity in the base frame, m/s². Default: 0,0,-9.81 in the root frame.",
     )
-    lock: LockOption = None
+    lock: common.LockOption = None
     snap: float = method_field(
         0.0,
         help="Replace rpy angles within this distance, rad, of a multiple of π/2 by the "
@@ -107,11 +92,11 @@ class BuildSettings(Choices):
         "without <inertial>, whose bodies are computed from their closed meshes.",
         dir_okay=False,
     )
-    mechanism: MechanismOption = None
-    arg: ArgumentOption = None
-    package: PackageOption = None
-    model: ModelOption = None
-    config: ConfigOption = None
+    mechanism: common.MechanismOption = None
+    arg: common.ArgumentOption = None
+    package: common.PackageOption = None
+    model: common.ModelOption = None
+    config: common.ConfigOption = None
     level: list[str] | None = method_field(
         help="Instruction set to compile for: v4 (AVX-512), v3 (AVX2), v2 (SSE), neon (ARM), "
         "portable, or casadi (reference code by CasADi); repeatable. Default: this processor's "
@@ -143,8 +128,8 @@ class BuildSettings(Choices):
         help="Print operations, CPU time and memory to expect before the compilation starts.",
     )
     force: bool = method_field(False, "--force", help="Rebuild even if the folder is up to date.")
-    out: RootOption = DEFAULT_ROOT
-    overwrite: OverwriteOption = False
+    out: common.RootOption = DEFAULT_ROOT
+    overwrite: common.OverwriteOption = False
 
 
 def build_command(given: BuildSettings) -> None:
@@ -167,7 +152,7 @@ def build_command(given: BuildSettings) -> None:
         given.base,
         given.tip,
         vector_of(given.gravity),
-        read_locks(given.lock or []),
+        common.read_locks(given.lock or []),
         given.snap,
         floating=given.floating,
     )
@@ -192,7 +177,10 @@ def build_command(given: BuildSettings) -> None:
             mechanism=read_mechanism(given.mechanism),
         )
         source = Source(
-            urdf, read_arguments(given.arg or []), Packages(tuple(given.package or ())), given.model
+            urdf,
+            common.read_arguments(given.arg or []),
+            Packages(tuple(given.package or ())),
+            given.model,
         )
         request = request_from_urdf(
             source, name, options, given.project, given.config, given.densities
@@ -224,8 +212,8 @@ class CheckSettings(Choices):
     """Settings of `symgen check`."""
 
     options = "out"
-    robot: RobotArgument = None
-    out: RootOption = DEFAULT_ROOT
+    robot: common.RobotArgument = None
+    out: common.RootOption = DEFAULT_ROOT
 
 
 def check_command(given: CheckSettings) -> None:
@@ -237,7 +225,7 @@ def check_command(given: CheckSettings) -> None:
     Nothing is written. Differences are printed as a unified diff. Exit code: 0 equal, 1 different.
     """
     different = []
-    for folder in folders_of(given.out, given.robot):
+    for folder in common.folders_of(given.out, given.robot):
         bundled = folder.name in bundled_robots()
         request = bundled_request(folder.name) if bundled else request_from_folder(folder)
         files, _ = generate(request)

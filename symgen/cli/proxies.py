@@ -11,14 +11,7 @@ from runtime.common.settings import Choices, argument_field, data_field, method_
 from runtime.common.tables import Table
 from runtime.common.terminal import console, say, show
 from symgen.chain import ChainOptions, read_chain
-from symgen.cli.common import (
-    BaseOption,
-    ConfigOption,
-    LockOption,
-    OverwriteOption,
-    TipOption,
-    read_locks,
-)
+from symgen.cli import common
 from symgen.collision.capsules import Coverage, coverage, fit_link
 from symgen.collision.geometry import read_geometry
 from symgen.collision.model import MARGIN, CollisionModel, toml_from_collision
@@ -38,15 +31,15 @@ class ProxiesSettings(Choices):
     package_dir: list[Path] | None = data_field(
         metavar="DIR", help="Folder in which package:// meshes are searched; repeatable."
     )
-    base: BaseOption = None
-    tip: TipOption = None
-    lock: LockOption = None
-    config: ConfigOption = None
+    base: common.BaseOption = None
+    tip: common.TipOption = None
+    lock: common.LockOption = None
+    config: common.ConfigOption = None
     most: int = method_field(3, min=1, max=6, help="Largest number of capsules per link.")
     margin: float = method_field(
         MARGIN, help="Distance that a motion keeps between the proxies of a pair, m."
     )
-    overwrite: OverwriteOption = False
+    overwrite: common.OverwriteOption = False
 
 
 def proxies_command(given: ProxiesSettings) -> None:
@@ -66,7 +59,7 @@ def proxies_command(given: ProxiesSettings) -> None:
         )
     chain = read_chain(
         urdf_text(given.urdf),
-        ChainOptions(given.base, given.tip, None, read_locks(given.lock or [])),
+        ChainOptions(given.base, given.tip, None, common.read_locks(given.lock or [])),
     )
     known = read_config(*given.config) if given.config else RobotConfig()
     with console.status("fitting capsules"):

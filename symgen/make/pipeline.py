@@ -118,7 +118,11 @@ def build(
         watch(expected_cost(draft.kernels, levels))
     with _write_errors(folder):
         root.mkdir(parents=True, exist_ok=True)
-        with _lock(root, request.name):
+        # One build per robot: the operating system drops the lock of a killed build. It follows no
+        # link.
+        with FileLock(root / f".{request.name}.lock"):
+            for stale in root.glob(f".{request.name}.*/"):
+                shutil.rmtree(stale, ignore_errors=True)  # left by a killed build
             if not force and is_current(request, folder, levels):  # another process was faster
                 return BuildResult(folder, False, draft.notes)
             staging = Path(tempfile.mkdtemp(prefix=f".{request.name}.", dir=root))
@@ -182,7 +186,10 @@ def _texts(request: BuildRequest, draft: _Draft) -> dict[str, str]:
     longest = LONG if draft.chain.is_large else None
     files = emit(request.name, draft.kernels, draft.facts, _versions(), longest)
     files[f"{request.name}.urdf"] = draft.chain.urdf
-    return files | {"compile.json": _compile_facts(files)}
+    # Commands that compile the folder on a machine without symgen, and hashes of its files.
+    digests = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in files.items()}
+    how = how_to_compile(*([name for name in kind if name in files] for kind in _KINDS))
+    return files | {"compile.json": json_text({"files": digests, **how})}
 
 
 def is_current(request: BuildRequest, folder: Path, levels: Sequence[str] | None = None) -> bool:
@@ -200,13 +207,6 @@ def is_current(request: BuildRequest, folder: Path, levels: Sequence[str] | None
         )
     except (OSError, ValueError, KeyError, TypeError):
         return False
-
-
-def _compile_facts(files: dict[str, str]) -> str:
-    """Commands that compile the folder on a machine without symgen, and hashes of its files."""
-    digests = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in files.items()}
-    how = how_to_compile(*([name for name in kind if name in files] for kind in _KINDS))
-    return json_text({"files": digests, **how})
 
 
 def _fill(staging: Path, request: BuildRequest, draft: _Draft, levels: Sequence[str]) -> str:
@@ -231,15 +231,6 @@ def _fill(staging: Path, request: BuildRequest, draft: _Draft, levels: Sequence[
 def _write_files(staging: Path, files: Mapping[str, str]) -> None:
     for name, text in files.items():
         (staging / name).write_text(text, encoding="utf-8", newline="\n")
-
-
-@contextmanager
-def _lock(root: Path, name: str) -> Iterator[None]:
-    """One build per robot at a time; the operating system drops the lock of a killed build."""
-    with FileLock(root / f".{name}.lock"):  # follows no link
-        for stale in root.glob(f".{name}.*/"):
-            shutil.rmtree(stale, ignore_errors=True)  # left by a killed build
-        yield
 
 
 @contextmanager

@@ -11,12 +11,15 @@ from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
 from symgen.errors import BuildError
 
 FURTHER = "further"
 """Name of the argument of all symbols that are not inputs."""
 
+Array = NDArray[np.float64]
 Matrix = Any
 """`casadi.SX | casadi.DM`; CasADi ships no type stubs."""
 

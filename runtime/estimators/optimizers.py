@@ -10,11 +10,10 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
+
+from runtime.library import Array
 
 __all__ = ["Status", "adam"]
-
-Array = NDArray[np.float64]
 
 
 class Status(Enum):

@@ -20,7 +20,6 @@ Source: Fedorov, Theory of Optimal Experiments, 1972, ch. 3.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from runtime.common.files import json_text
@@ -28,7 +27,7 @@ from runtime.errors import IdentificationError
 from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.limit_rows import DEFAULT_RANGE
 from runtime.excitation.limits.safety import Safety
-from runtime.library import Array, Library
+from runtime.library import Array, Indices, Library
 
 SIDES = {"below": -1.0, "above": 1.0}
 """Side from which all joints reach a pose, and the sign of the start of that approach."""
@@ -185,7 +184,7 @@ def feasible_poses(
     return np.concatenate(kept)[:count]
 
 
-def gravity_columns(lib: Library, q: Array) -> NDArray[np.intp]:
+def gravity_columns(lib: Library, q: Array) -> Indices:
     """Indices of the base parameters that gravity determines at poses (N, n)."""
     rest = np.zeros_like(q)
     stacked = lib.base_regressor(q, rest, rest).reshape(q.size, -1)
@@ -201,7 +200,7 @@ def gravity_columns(lib: Library, q: Array) -> NDArray[np.intp]:
     return np.sort(pivots[:rank])
 
 
-def gravity_regressor(lib: Library, q: Array, columns: NDArray[np.intp]) -> Array:
+def gravity_regressor(lib: Library, q: Array, columns: Indices) -> Array:
     """Regressor Y_g of the torques at rest, (N, n, r) [N·m per unit of the parameters]."""
     rest = np.zeros_like(q)
     return lib.base_regressor(q, rest, rest)[..., columns]
@@ -209,7 +208,7 @@ def gravity_regressor(lib: Library, q: Array, columns: NDArray[np.intp]) -> Arra
 
 def a_optimal(
     grams: Array, count: int, starts: int, rng: np.random.Generator
-) -> tuple[NDArray[np.intp], float]:
+) -> tuple[Indices, float]:
     """Choose candidates (K,) with the least trace of the inverse of Σ grams (C, r, r)."""
     ridge = RIDGE * float(np.trace(grams.mean(axis=0))) / grams.shape[-1]
     best, least = np.arange(count), np.inf
@@ -227,7 +226,7 @@ def trace_of(grams: Array, ridge: float) -> Array:
     return np.asarray(np.trace(inverse, axis1=-2, axis2=-1))
 
 
-def _exchanged(grams: Array, chosen: NDArray[np.intp], ridge: float) -> float:
+def _exchanged(grams: Array, chosen: Indices, ridge: float) -> float:
     """Exchange in place until no exchange lowers the trace; the trace."""
     value = float(trace_of(grams[chosen].sum(axis=0), ridge))
     for _ in range(SWEEPS):

@@ -19,7 +19,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.constraints import constraints
@@ -33,7 +32,7 @@ from runtime.excitation.motion.trajectory import GAP, Trajectory, end_of
 from runtime.excitation.proof.bounds import KINDS
 from runtime.excitation.proof.certificate import PLACES, Certificate, certificate_of
 from runtime.excitation.search.design_settings import LONGEST
-from runtime.library import Array, Library
+from runtime.library import Array, Library, Mask
 
 STEP = 0.03
 """Largest step of a joint between two examined poses [rad, m]."""
@@ -62,7 +61,7 @@ class FreePoses:
             self._require(pose, name)
         self._spare = min(SPARE, 0.5 * float(-self._worst(ends).max(initial=-1.0)))
 
-    def are_free(self, q: Array) -> NDArray[np.bool_]:
+    def are_free(self, q: Array) -> Mask:
         """Whether poses (N, n) [rad, m] keep all limits with the spare share, (N,)."""
         inside = ((q >= self.lower) & (q <= self.upper)).all(axis=1)
         return np.asarray(inside & (self._worst(q) < -self._spare))

@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.estimators.descent.fit import PRESETS, Preset, Watch, fit_many, fit_of, start_of
@@ -23,7 +22,7 @@ from runtime.estimators.regression.samples import Samples, samples_of, thesis_we
 from runtime.excitation import Trajectory, log_condition
 from runtime.experiments.study import MOTION, Arrays, Row
 from runtime.identification.metrics import CONSISTENCY_TOLERANCE, airm, frobenius, torque_error
-from runtime.library import Array, Library
+from runtime.library import Array, Library, Mask
 from runtime.library.parameters import links, mass
 from runtime.recording import Recording
 from runtime.simulation import Plant, ideal, sample_times
@@ -164,7 +163,7 @@ LINK = 6
 """Index of link 7, from 0."""
 
 
-def link_rows(lib: Library) -> NDArray[np.bool_]:
+def link_rows(lib: Library) -> Mask:
     """Mask (10 n,) of the entries of λ that belong to link 7."""
     return np.arange(lib.lam0.size) // (lib.lam0.size // lib.n_links) == LINK
 

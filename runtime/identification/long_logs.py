@@ -43,7 +43,7 @@ from runtime.recording.formats.tables import Spool
 from runtime.recording.friction.coupled_motors import geared
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.parts import for_part, span_of_part, validation_start
-from runtime.recording.recording import ARRAYS, FloatArray
+from runtime.recording.recording import ARRAYS
 from runtime.recording.streamed import RawRows, StreamedRecording
 
 BLOCK = 65536
@@ -68,7 +68,7 @@ class Blocks:
     edges: tuple[int, ...]  # first row of each block, then one past the last row
     # t [s] of these rows; at the ends those of the first and the last prepared row that is kept, or
     # −∞ and ∞
-    instants: FloatArray
+    instants: Array
     half_step: float  # half of the time step [s]; edges lie between two rows
     spool: Spool  # temporary file of prepared rows
     # index of a block → place of its prepared rows; None where the arm rests
@@ -158,7 +158,7 @@ class _Kept:
     start: int
     count: int
 
-    def instants(self, spool: Spool) -> FloatArray:
+    def instants(self, spool: Spool) -> Array:
         return spool.read(self.start, self.count)  # the clock is the first of the arrays
 
     def read(self, spool: Spool) -> Recording:

@@ -6,11 +6,10 @@ Source: document Eqs. 2.37, 2.39, 5.1–5.4 with the errata to 5.4 and Sec. 3.3.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from runtime.library import Array
 
 __all__ = ["CONSISTENCY_TOLERANCE", "airm", "frobenius", "torque_error"]
-
-Array = NDArray[np.float64]
 
 CONSISTENCY_TOLERANCE = 1e-12
 """A link is consistent when P_k ⪰ −1e-12 tr(P_k), the rounding of an eigenvalue."""

@@ -4,9 +4,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.common.tables import Table
+from runtime.library import Array
 from runtime.recording.notebook import Shown
 
 ERROR, WARNING, INFO = "error", "warning", "info"
@@ -37,6 +37,6 @@ def joint_list(names: tuple[str, ...], index: list[int]) -> str:
     return ", ".join(names[j] for j in index)
 
 
-def numbers(values: NDArray[np.float64]) -> list[float | None]:
+def numbers(values: Array) -> list[float | None]:
     """Values for JSON, with None for NaN and infinity."""
     return [float(x) if np.isfinite(x) else None for x in np.ravel(values)]

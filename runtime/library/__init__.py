@@ -4,7 +4,7 @@ The only package that uses ctypes. Arrays are sample-major: (N, n), or (n,) for 
 argument without N, such as π, is used for all samples.
 """
 
-from runtime.library.binding import Array
+from runtime.library.arrays import Array, Indices, Integers, Mask
 from runtime.library.free_base import BaseMotion
 from runtime.library.library import Library, load, require_library
 from runtime.library.manifest import ProxyFacts
@@ -13,7 +13,10 @@ from runtime.library.parameters import to_pinocchio_order
 __all__ = [
     "Array",
     "BaseMotion",
+    "Indices",
+    "Integers",
     "Library",
+    "Mask",
     "ProxyFacts",
     "load",
     "require_library",

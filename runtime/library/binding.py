@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from runtime.common.files import json_of, sha256_of
 from runtime.common.threads import cores
 from runtime.common.user_builds import is_user_build
 from runtime.errors import LibraryError, ShapeError
+from runtime.library.arrays import Array
 from runtime.library.compile_cache import compiled_library
 from runtime.library.manifest import ArgumentFacts, KernelFacts, Manifest
 
@@ -92,7 +93,7 @@ def padded_size(size: int) -> int:
     return -(-size // LANES) * LANES
 
 
-def zeros(*shape: int) -> NDArray[np.float64]:
+def zeros(*shape: int) -> Array:
     """Zeros from a cache line on: a vector that lies across two lines is loaded as two."""
     size = math.prod(shape)
     room = np.zeros(size + LANES)
@@ -100,14 +101,12 @@ def zeros(*shape: int) -> NDArray[np.float64]:
     return room[first : first + size].reshape(shape)
 
 
-def padded(array: NDArray[np.float64], size: int) -> NDArray[np.float64]:
+def padded(array: Array, size: int) -> Array:
     """The array with zeros behind its last axis; `np.pad` takes longer than a MAP estimate."""
     whole = zeros(*array.shape[:-1], size)
     whole[..., : array.shape[-1]] = array
     return whole
 
-
-Array = NDArray[np.float64]
 
 LEVELS = ("casadi", "portable", "v2", "v3", "v4", "neon")
 """Levels of batch functions: the C of CasADi, plain C, and instruction sets.

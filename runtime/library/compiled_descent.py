@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.library.binding import LANES, Array, Binding, padded, padded_size, zeros
+from runtime.library.arrays import Array, Integers
+from runtime.library.binding import LANES, Binding, padded, padded_size, zeros
 from runtime.library.parameters import N_PARAMETERS
 
 PATIENCE, DIVERGED, CONVERGED, STALLED = 1, 2, 3, 4
@@ -180,7 +181,7 @@ class CompiledAdam(Jobs):
         job.work = self._pointer(zeros(scratch))
 
     def run(
-        self, iterations: int, rows: Sequence[NDArray[np.int64]] | None = None, threads: int = 1
+        self, iterations: int, rows: Sequence[Integers] | None = None, threads: int = 1
     ) -> None:
         """Continue all jobs; rows: indices of samples per job, (iterations, batch)."""
         kept = [np.ascontiguousarray(r, dtype=ctypes.c_long) for r in rows or ()]
@@ -271,7 +272,7 @@ class ConvexAnswer:
     points: Array
     losses: Array
     decrements: Array
-    steps: NDArray[np.int64]
+    steps: Integers
     converged: bool
 
 
@@ -304,7 +305,7 @@ class CompiledConvex(Jobs):
         function = binding.program("convex", ctypes.c_void_p, ctypes.c_long)
         super().__init__(function, _ConvexJob, len(tasks))
         self._starts: list[Array] = []
-        self._answers: list[tuple[Array, Array, Array, NDArray[np.int64]]] = []
+        self._answers: list[tuple[Array, Array, Array, Integers]] = []
         self._pi: list[Array] = []
         for job, task in zip(self._jobs, tasks, strict=True):
             self._fill(job, task)

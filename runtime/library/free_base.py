@@ -11,13 +11,12 @@ Rows of torque are the force and the moment about that origin, in axes of the ba
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from runtime.errors import ShapeError
+from runtime.library.arrays import Array
 from runtime.library.manifest import Manifest
-
-Array = NDArray[np.float64]
 
 FREEDOM = 6
 """Rows of the base."""

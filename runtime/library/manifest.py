@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.common.files import json_of
 from runtime.common.records import record_from_table
 from runtime.common.user_builds import NAME
 from runtime.errors import LibraryError
-from runtime.library.parameters import PI_NAMES, Array
+from runtime.library.arrays import Array
+from runtime.library.parameters import PI_NAMES
 
 FORMAT = 4
 
@@ -73,8 +73,8 @@ class CouplingFacts:
     """q_all = A q + b: `matrix` A (N, n), `offset` b (N,) [rad, m], `independent` (n,) indices."""
 
     independent: tuple[int, ...]
-    matrix: NDArray[np.float64]
-    offset: NDArray[np.float64]
+    matrix: Array
+    offset: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,10 +105,10 @@ class BrakingFacts:
     max(0, dq + c)² ≤ k (upper − q) and max(0, c − dq)² ≤ k (q − lower), convex in (q, dq).
     """
 
-    k: NDArray[np.float64]
-    c: NDArray[np.float64]
-    upper: NDArray[np.float64]
-    lower: NDArray[np.float64]
+    k: Array
+    c: Array
+    upper: Array
+    lower: Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,9 +6,10 @@ spells it out. π and λ of a robot are flat, (10 n,), link after link.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from runtime.errors import ShapeError
+from runtime.library.arrays import Array
 
 __all__ = ["LAM_NAMES", "MASS", "PI_NAMES", "centre_of_mass", "links", "mass"]
 
@@ -22,8 +23,6 @@ MASS, FIRST_MOMENT, INERTIA = 0, slice(1, 4), slice(4, N_PARAMETERS)
 INERTIA_ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """Rows and columns of XX, YY, ZZ, XY, XZ, YZ in the inertia matrix."""
 _CENTRE, _ROTATION, _AXES = slice(1, 4), slice(4, 7), slice(7, N_PARAMETERS)
-
-Array = NDArray[np.float64]
 
 
 def links(values: Array) -> Array:

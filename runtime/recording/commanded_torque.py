@@ -13,8 +13,9 @@ import numpy as np
 
 from runtime.common.tables import significant
 from runtime.errors import RecordingError
+from runtime.library import Array
 from runtime.recording.recipes.recipe import COMMANDED, ControlLaw
-from runtime.recording.recording import FloatArray, Recording
+from runtime.recording.recording import Recording
 from runtime.recording.settings import Preparation
 
 MOST_TRIMMED = 0.05
@@ -22,8 +23,8 @@ MOST_TRIMMED = 0.05
 
 
 def commanded_torque(
-    law: ControlLaw, motion: Mapping[str, FloatArray], parts: Mapping[str, FloatArray]
-) -> tuple[FloatArray, str]:
+    law: ControlLaw, motion: Mapping[str, Array], parts: Mapping[str, Array]
+) -> tuple[Array, str]:
     """Torque of a control law: motion (N, n) [rad, m], parts (N, n) → (N, n) [N·m, N]."""
     q = motion["q"]
     n = q.shape[1]
@@ -64,7 +65,7 @@ def without_ends(recording: Recording, preparation: Preparation) -> Preparation:
     return replace(preparation, trim_s=float(f"{trim:.3g}"))
 
 
-def per_joint(kind: str, key: str, value: object, n: int) -> FloatArray:
+def per_joint(kind: str, key: str, value: object, n: int) -> Array:
     """One value per joint (n,) from a scalar or a list."""
     numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
     if len(numbers) not in {1, n}:

@@ -6,13 +6,12 @@ signs are stated in a recipe and never guessed.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError, RecordingError
-from runtime.library import Library
+from runtime.library import Array, Integers, Library
 from runtime.library.manifest import common_unit, torque_units
 from runtime.recording.recipes.default_convention import states_unread
-from runtime.recording.recording import FloatArray, Recording
+from runtime.recording.recording import Recording
 
 STRIDE = 5
 ROWS = 4096
@@ -60,7 +59,7 @@ def check_consistency(recording: Recording) -> Recording:
     return recording
 
 
-def unwrap(q: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
+def unwrap(q: Array) -> tuple[Array, Integers]:
     """Angles without jumps of one turn, and the number of jumps per joint.
 
     A step counts as a jump only if it is one turn to within what the joint moves in a step, at a
@@ -85,7 +84,7 @@ def unwrap(q: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
     return q - correction, jump.sum(axis=0)
 
 
-def slopes_of(recording: Recording) -> FloatArray:
+def slopes_of(recording: Recording) -> Array:
     """Robust ratio of Δq and ∫dq dt over 5 samples (n,); NaN for joints that hardly move."""
     # trapezoidal rule, ∫dq dt up to every sample
     step, speed = np.diff(recording.t)[:, None], recording.required("dq")

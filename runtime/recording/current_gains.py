@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.common.tables import significant
+from runtime.library import Array
 
-FloatArray = NDArray[np.float64]
 LARGEST_SIGMA = 0.1
 """Relative standard deviation above which a gain counts as not determined."""
 DETERMINED = "determined"
@@ -26,11 +25,11 @@ class CurrentGains:
     """Estimated gains of the channels of one log."""
 
     channels: tuple[str, ...]  # names of the joints, or of the motors where the gear couples them
-    gain: FloatArray  # k̂, (n,) N·m/A or N/A; that of `UNSEEN` channels is the median of the others
+    gain: Array  # k̂, (n,) N·m/A or N/A; that of `UNSEEN` channels is the median of the others
     # standard deviation with the URDF as prior, (n,) N·m/A or N/A; NaN for `UNSEEN`
-    sigma: FloatArray
+    sigma: Array
     # relative standard deviation of k_j/k_r without the URDF, (n,); NaN likewise
-    ratio_sigma: FloatArray
+    ratio_sigma: Array
     reference: int  # channel r
     verdicts: tuple[str, ...]  # per channel, one of `VERDICTS`
     scale: str  # what fixes the common factor, a phrase
@@ -54,7 +53,7 @@ class CurrentGains:
     def from_facts(cls, facts: list[dict[str, Any]], scale: str) -> "CurrentGains":
         """The gains that `facts` describe; the file does not hold σ of the common factor."""
 
-        def column(key: str) -> FloatArray:
+        def column(key: str) -> Array:
             return np.array([np.nan if each[key] is None else each[key] for each in facts], float)
 
         channels = tuple(str(each["channel"]) for each in facts)

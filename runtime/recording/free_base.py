@@ -32,9 +32,10 @@ from scipy.spatial.transform import Rotation
 
 from runtime.common.files import bytes_of
 from runtime.errors import RecordingError
+from runtime.library import Array, Mask
 from runtime.library.free_base import ROTATION
 from runtime.recording.formats.npz import open_npz
-from runtime.recording.recording import FloatArray, Recording
+from runtime.recording.recording import Recording
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,24 +43,24 @@ class Contacts:
     """Contacts of a robot with the world."""
 
     links: tuple[str, ...]  # names of the C links
-    position: FloatArray  # (C, 3) point that the wrench is about, in the frame of the link [m]
-    wrench: FloatArray  # (N, C, 6) force and moment on the robot [N, N·m]; NaN where it is unknown
+    position: Array  # (C, 3) point that the wrench is about, in the frame of the link [m]
+    wrench: Array  # (N, C, 6) force and moment on the robot [N, N·m]; NaN where it is unknown
     axes: str  # "link" or "world"
     # (C,) standard deviation of unknown offsets of the vertical forces [N]; None where the log does
     # not state it
-    offset_sigma: FloatArray | None = None
+    offset_sigma: Array | None = None
     # standard deviation of γ: a sensor that reads the share s of ΣF_z reads F (1 + γ (1 − s)); None
     # where the log does not state it
     sharing_sigma: float | None = None
     # (2,) standard deviations of c: a sensor reads c·m more, with m the moments about x and y of
     # the link at `position` [1/m]; None where the log does not state them
-    crosstalk_sigma: FloatArray | None = None
+    crosstalk_sigma: Array | None = None
     # cut-off of the first-order low-pass of the sensors of the vertical forces [Hz]; None where the
     # log states none
     cutoff_hz: float | None = None
     # (N, C) 1 where the force is that of a sensor, 0 where a flag states that there is none;
     # filtered like the forces
-    sensed: FloatArray | None = None
+    sensed: Array | None = None
     is_stated: bool = True  # whether the log states which contacts touch
 
 
@@ -68,18 +69,18 @@ class FreeBaseRecording:
     """Motion of joints and base at N instants, with torques and contacts."""
 
     name: str  # of the file
-    t: FloatArray  # (N,) s
-    q: FloatArray  # (N, n) rad or m, in the order of the file
+    t: Array  # (N,) s
+    q: Array  # (N, n) rad or m, in the order of the file
     joint_names: tuple[str, ...]  # n names, empty where the file has none
-    rotation: FloatArray  # (N, 3, 3) R of the base in the world
-    position: FloatArray  # (N, 3) origin of the base in the world [m]
+    rotation: Array  # (N, 3, 3) R of the base in the world
+    position: Array  # (N, 3) origin of the base in the world [m]
     contacts: Contacts  # of the robot with the world
-    dq: FloatArray | None = None  # dq, ddq, tau: (N, n), None where they were not measured
-    ddq: FloatArray | None = None
-    tau: FloatArray | None = None
+    dq: Array | None = None  # dq, ddq, tau: (N, n), None where they were not measured
+    ddq: Array | None = None
+    tau: Array | None = None
     # twist, acceleration: (N, 6) of the base, None where they were not measured
-    twist: FloatArray | None = None
-    acceleration: FloatArray | None = None
+    twist: Array | None = None
+    acceleration: Array | None = None
     unread: tuple[str, ...] = ()  # names of arrays of the file that are not part of the layout
     is_commanded: bool = False  # whether tau is what a control law commanded
 
@@ -132,11 +133,11 @@ class _File:
         values = self.arrays.get(key, np.array([], dtype=str))
         return tuple(map(str, _texts(np.atleast_1d(values))))
 
-    def optional(self, key: str, *shape: int) -> FloatArray | None:
+    def optional(self, key: str, *shape: int) -> Array | None:
         """Numbers of a shape; None where the file has no such array."""
         return self.numbers(key, *shape) if key in self else None
 
-    def numbers(self, key: str, *shape: int | str, finite: bool = True) -> FloatArray:
+    def numbers(self, key: str, *shape: int | str, finite: bool = True) -> Array:
         """Numbers of a shape, in which a text is any size."""
         if key not in self:
             raise RecordingError(
@@ -236,7 +237,7 @@ def free_base_of(arrays: dict[str, NDArray], name: str) -> FreeBaseRecording:
     )
 
 
-def _commanded(file: _File, q: FloatArray, dq: FloatArray | None) -> FloatArray | None:
+def _commanded(file: _File, q: Array, dq: Array | None) -> Array | None:
     """Commanded torque (N, n) of an array or of a control law; None for none."""
     given = [key for key in ("tau", "tau_command", "q_des") if key in file]
     if len(given) > 1:
@@ -251,18 +252,18 @@ def _commanded(file: _File, q: FloatArray, dq: FloatArray | None) -> FloatArray 
             f"{file.name}: the control law of q_des needs dq; give tau_command instead"
         )
 
-    def gain(key: str) -> FloatArray:
+    def gain(key: str) -> Array:
         size = () if np.size(file.arrays.get(key, np.zeros(2))) == 1 else (q.shape[1],)
         return np.broadcast_to(file.numbers(key, *size), q.shape[1:])
 
-    def wanted(key: str) -> FloatArray:
+    def wanted(key: str) -> Array:
         return file.numbers(key, *q.shape) if key in file else np.zeros_like(q)
 
     error = file.numbers("q_des", *q.shape) - q
     return gain("kp") * error + gain("kd") * (wanted("dq_des") - dq) + wanted("tau_ff")
 
 
-def _from_imu(file: _File, t: FloatArray, rotation: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _from_imu(file: _File, t: Array, rotation: Array) -> tuple[Array, Array]:
     """Twist and acceleration, (N, 6) each, by f = v̇ + ω̇ × p + ω × (ω × p) − Rᵀ g at v = 0.
 
     The equations depend on v̇ + ω × v alone, so that v may be any velocity.
@@ -322,7 +323,7 @@ def _contacts(file: _File, count: int) -> Contacts:
         wrench[flags == 0] = 0.0
         sensed[flags == 0] = 0.0
 
-    def of_sensors(word: str, wanted: str, *shape: int, zero: bool = True) -> FloatArray | None:
+    def of_sensors(word: str, wanted: str, *shape: int, zero: bool = True) -> Array | None:
         """Property of the sensors of the vertical forces; None where the log does not state it."""
         key = f"contact_force_z_{word}"
         values = file.optional(key, *shape)
@@ -351,7 +352,7 @@ def _contacts(file: _File, count: int) -> Contacts:
     )
 
 
-def _require_distinct(links: tuple[str, ...], position: FloatArray, name: str) -> None:
+def _require_distinct(links: tuple[str, ...], position: Array, name: str) -> None:
     """Refuse a contact that is listed twice."""
     for k, (link, point) in enumerate(zip(links, position, strict=True)):
         if any(link == links[j] and (point == position[j]).all() for j in range(k)):
@@ -361,7 +362,7 @@ def _require_distinct(links: tuple[str, ...], position: FloatArray, name: str) -
             )
 
 
-def _require_lifted_unloaded(force: FloatArray, touching: NDArray[np.bool_], name: str) -> None:
+def _require_lifted_unloaded(force: Array, touching: Mask, name: str) -> None:
     """Refuse inverted flags, which state no contact where the sensors read a load."""
     size = np.sqrt(np.nansum(np.square(force), axis=2))
     lifted, loaded = (_rms(size[part]) for part in (~touching, touching))
@@ -372,7 +373,7 @@ def _require_lifted_unloaded(force: FloatArray, touching: NDArray[np.bool_], nam
         )
 
 
-def _rms(values: FloatArray) -> float:
+def _rms(values: Array) -> float:
     """Root of the mean square; 0 without values."""
     return float(np.sqrt(np.mean(np.square(values)))) if values.size else 0.0
 
@@ -383,7 +384,7 @@ _SAME = 1e-3
 _EULER = ("base_position", "base_rpy")
 
 
-def _pose(file: _File, count: int) -> tuple[FloatArray, FloatArray]:
+def _pose(file: _File, count: int) -> tuple[Array, Array]:
     """Rotation and position of the base, (N, 3, 3) [m]."""
     missing = [key for key in _EULER if key not in file]
     if "imu_acceleration" in file and "base_rpy" not in missing and "base_pose" not in file:
@@ -411,7 +412,7 @@ def _pose(file: _File, count: int) -> tuple[FloatArray, FloatArray]:
     return rotation, position
 
 
-def _rotation(file: _File, count: int) -> FloatArray:
+def _rotation(file: _File, count: int) -> Array:
     rpy = file.numbers("base_rpy", count, 3)
     pitch = float(np.abs(rpy[:, 1]).max())
     if pitch > np.pi:
@@ -422,7 +423,7 @@ def _rotation(file: _File, count: int) -> FloatArray:
     return np.asarray(Rotation.from_euler("xyz", rpy).as_matrix())
 
 
-def _from_pose(file: _File, count: int) -> tuple[FloatArray, FloatArray]:
+def _from_pose(file: _File, count: int) -> tuple[Array, Array]:
     name = file.name
     pose = file.numbers("base_pose", count, *np.shape(file.arrays["base_pose"])[1:])
     if pose.shape[1:] == (4, 4):

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from runtime.common.files import replacing
 from runtime.errors import RecordingError
+from runtime.library import Array, Integers
 from runtime.recording import log_files
 from runtime.recording.consistency import check_consistency
 from runtime.recording.formats import FORMATS, format_of_folder
@@ -23,7 +24,7 @@ from runtime.recording.formats.tables import LogTable
 from runtime.recording.log_files import LogFiles, parts_of
 from runtime.recording.recipes.recipe import Recipe, Signal
 from runtime.recording.recipes.recipe_file import bundled_names, load_recipe
-from runtime.recording.recording import FloatArray, Recording, require_recording
+from runtime.recording.recording import Recording, require_recording
 from runtime.recording.unit_conversion import converted, usable_rows
 
 
@@ -88,7 +89,7 @@ class Raw:
     recipe: Recipe | None  # as chosen, None by the default convention
     # kind of signal ("time", "position", …) → its rows, in the units of the files
     tables: dict[str, LogTable]
-    kept: NDArray[np.int64]  # the rows that are whole in all of them
+    kept: Integers  # the rows that are whole in all of them
     dropped: tuple[str, ...]  # sentences about the others
     # texts of an NPZ by `write_recording`, or joint names of a bag
     names: dict[str, tuple[str, ...]]
@@ -99,7 +100,7 @@ class Raw:
     said: tuple[str, ...]  # sentences about what the default convention does not read
 
     @property
-    def values(self) -> dict[str, FloatArray]:
+    def values(self) -> dict[str, Array]:
         """Kind → the whole rows, (N, m)."""
         return {kind: table.values[self.kept] for kind, table in self.tables.items()}
 

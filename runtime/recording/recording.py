@@ -12,10 +12,11 @@ from dataclasses import dataclass, field
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from runtime.common.tables import Table
 from runtime.errors import IdentificationError, RecordingError
+from runtime.library import Array
 from runtime.recording.current_gains import CurrentGains
 from runtime.recording.notebook import Framed
 from runtime.recording.recipes.recipe import COMMANDED, MEASURED, ControlLaw, Recipe
@@ -25,7 +26,7 @@ SHORTEST_STEP, LATEST = 1e-12, 1e12
 """Bounds of a clock in any unit of time [s]; beyond them derivatives overflow."""
 
 
-def require_clock(t: NDArray[np.float64]) -> None:
+def require_clock(t: Array) -> None:
     """Refuse a clock that stands still, goes back or has another unit: t (N,) [s]."""
     steps = np.diff(t)
     near, far = float(steps.min(initial=np.inf)), float(np.abs(t[[0, -1]]).max())
@@ -43,7 +44,6 @@ def require_clock(t: NDArray[np.float64]) -> None:
         )
 
 
-FloatArray = NDArray[np.float64]
 SIGNALS = ("q", "dq", "ddq", "tau")
 ARRAYS = (*SIGNALS, "columns", "rows")
 """Names of the arrays with one entry per instant."""
@@ -79,17 +79,17 @@ class Recording(Framed):
         gains: estimated gains of motor currents; None where the recipe states them.
     """
 
-    t: FloatArray
-    q: FloatArray
-    dq: FloatArray | None = None
-    ddq: FloatArray | None = None
-    tau: FloatArray | None = None
-    signals: Mapping[str, FloatArray] = field(default_factory=dict)
+    t: Array
+    q: Array
+    dq: Array | None = None
+    ddq: Array | None = None
+    tau: Array | None = None
+    signals: Mapping[str, Array] = field(default_factory=dict)
     start: float | None = None
-    columns: FloatArray | None = None
+    columns: Array | None = None
     column_names: tuple[str, ...] = ()
-    rows: FloatArray | None = None
-    motors: FloatArray | None = None
+    rows: Array | None = None
+    motors: Array | None = None
     name: str = ""
     joint_names: tuple[str, ...] = ()
     history: tuple[str, ...] = ()
@@ -153,7 +153,7 @@ class Recording(Framed):
                 "name every joint or none"
             )
 
-    def _of_joints(self, key: str, values: ArrayLike) -> FloatArray:
+    def _of_joints(self, key: str, values: ArrayLike) -> Array:
         locked = _locked(values)
         if locked.shape != self.q.shape:
             raise RecordingError(
@@ -212,7 +212,7 @@ class Recording(Framed):
             self._rate.append(float(1.0 / np.median(np.diff(self.t))))
         return self._rate[0]
 
-    def titled(self) -> tuple[list[str], FloatArray]:
+    def titled(self) -> tuple[list[str], Array]:
         """Titles t, q1 … qn, … of all signals that are present, and their columns (N, m)."""
         titles, blocks = ["t"], [self.t[:, None]]
         motion = {key: getattr(self, key) for key in SIGNALS}
@@ -222,7 +222,7 @@ class Recording(Framed):
                 blocks.append(values)
         return titles, np.hstack(blocks)
 
-    def columns_of_frame(self) -> dict[str, FloatArray]:
+    def columns_of_frame(self) -> dict[str, Array]:
         """Columns t, q1 … qn, … of a data frame, SI units."""
         titles, values = self.titled()
         return dict(zip(titles, values.T, strict=True))
@@ -237,7 +237,7 @@ class Recording(Framed):
         changed._check_signals()
         return changed
 
-    def required(self, key: str) -> FloatArray:
+    def required(self, key: str) -> Array:
         """A signal that must be present.
 
         Args:
@@ -249,7 +249,7 @@ class Recording(Framed):
         Raises:
             RecordingError: the recording does not have it.
         """
-        values: FloatArray | None = getattr(self, key)
+        values: Array | None = getattr(self, key)
         if values is None:
             raise RecordingError(
                 f"expected {key} in the recording '{self.name}', but there is none; log it, or let "
@@ -257,7 +257,7 @@ class Recording(Framed):
             )
         return values
 
-    def signal(self, key: str) -> FloatArray | None:
+    def signal(self, key: str) -> Array | None:
         """A further signal (N, n): one of `signals`, else of `DERIVED`; None where it has none."""
         if key in self.signals:
             return self.signals[key]
@@ -292,10 +292,10 @@ class Recording(Framed):
 
     def mapped(
         self,
-        function: Callable[[FloatArray], FloatArray],
+        function: Callable[[Array], Array],
         sentence: str,
         only: tuple[str, ...] = ALL,
-        t: FloatArray | None = None,
+        t: Array | None = None,
     ) -> Self:
         """Apply a function to every signal that is present, along its first axis.
 
@@ -314,9 +314,7 @@ class Recording(Framed):
         changed = self._mapped(function, only)
         return self.replace(t=instants, history=(*self.history, sentence), **changed)
 
-    def _mapped(
-        self, function: Callable[[FloatArray], FloatArray], only: tuple[str, ...]
-    ) -> dict[str, Any]:
+    def _mapped(self, function: Callable[[Array], Array], only: tuple[str, ...]) -> dict[str, Any]:
         present = {key: getattr(self, key) for key in only if key in ARRAYS}
         changed = {key: function(value) for key, value in present.items() if value is not None}
         if "signals" in only and self.signals:
@@ -330,7 +328,7 @@ class DerivedSignal:
     """A further signal that follows from a recording."""
 
     # recording → (N, n), or None where it has no such signal
-    function: Callable[[Recording], FloatArray | None]
+    function: Callable[[Recording], Array | None]
     source: str  # table of the recipe that gives it, for messages
 
 
@@ -343,7 +341,7 @@ def require_recording(*values: object) -> None:
             )
 
 
-def complete_arrays(recording: Recording, *keys: str) -> dict[str, FloatArray]:
+def complete_arrays(recording: Recording, *keys: str) -> dict[str, Array]:
     """Dense arrays of q, the friction columns and other signals, all of them there and finite."""
     missing = [key for key in keys if getattr(recording, key) is None]
     if missing:
@@ -375,7 +373,7 @@ DERIVED = {
 gives that since power-on, and the torque of a control law [N·m, N]."""
 
 
-def _locked(values: ArrayLike) -> FloatArray:
+def _locked(values: ArrayLike) -> Array:
     """A read-only float64 view by rows; a read-only array is taken as it lies, by columns too."""
     flags = values.flags if isinstance(values, np.ndarray) and values.dtype == np.float64 else None
     if flags is not None and not flags.writeable and (flags.c_contiguous or flags.f_contiguous):

@@ -11,28 +11,25 @@ from math import inf, isfinite
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
-from runtime.library import Library
+from runtime.library import Array, Library
 from runtime.registry import Registry
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointMotion:
     """Motion from which friction columns are computed; every column needs dq."""
 
-    dq: FloatArray  # (N, n) joint velocities [rad/s, m/s]
+    dq: Array  # (N, n) joint velocities [rad/s, m/s]
     # (N, n) joint positions of successive instants [rad, m]; for dahl, load and position
-    q: FloatArray | None = None
-    ddq: FloatArray | None = None  # (N, n) joint accelerations [rad/s², m/s²]; for rotor
+    q: Array | None = None
+    ddq: Array | None = None  # (N, n) joint accelerations [rad/s², m/s²]; for rotor
     lib: Library | None = None  # library of the robot; for load and position
     # (N, n) state of friction with a memory where it is known; None for that of the path q
-    zeta: FloatArray | None = None
+    zeta: Array | None = None
     # name → (N, n) further signals of the log, for columns whose record names them
-    signals: Mapping[str, FloatArray] = field(default_factory=dict)
+    signals: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +39,7 @@ class FrictionColumn:
     name: str  # as a user writes it
     sentence: str  # its equation
     # motion (N, n) and widths → (N, n) column
-    function: "Callable[[JointMotion, Friction], FloatArray]"
+    function: "Callable[[JointMotion, Friction], Array]"
     widths: tuple[str, ...] = ()  # names of the widths of `Friction` that it depends on
     # names of the signals of a log that it needs beside the motion: those of [extra] in the recipe,
     # or of `runtime.recording.recording.DERIVED`
@@ -73,11 +70,11 @@ class FrictionColumn:
     in_closed_loop: bool = False
     # speed (n,) and ε → column/dq (n,) and constant part (n,), for the Kalman filters; None where
     # they cannot use it
-    secant: Callable[[FloatArray, float], tuple[FloatArray, FloatArray]] | None = None
+    secant: Callable[[Array, float], tuple[Array, Array]] | None = None
     # what a model file without this column is valid for; "" where nothing is to be said
     omitted: str = ""
     # joints, φ (n,) and σ (n,), NaN where unknown → sentences for a result
-    sentences: Callable[[Sequence[str], FloatArray, FloatArray], tuple[str, ...]] | None = None
+    sentences: Callable[[Sequence[str], Array, Array], tuple[str, ...]] | None = None
 
 
 SPRING = "spring:"

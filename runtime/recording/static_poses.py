@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from runtime.library import Array
 from runtime.recording.preprocessing.segments import runs
-from runtime.recording.recording import FloatArray, Recording
+from runtime.recording.recording import Recording
 
 REST_SPEED = 0.02
 """Speed below which a joint rests [rad/s or m/s]: two counts of a servo's encoder in 0.2 s."""
@@ -37,9 +38,9 @@ class _Visit:
     """Means over one rest, and the displacement of the approach."""
 
     t: float
-    q: FloatArray
-    tau: FloatArray
-    approach: FloatArray
+    q: Array
+    tau: Array
+    approach: Array
 
 
 def static_poses(recording: Recording) -> Recording | None:

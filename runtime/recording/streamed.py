@@ -7,9 +7,9 @@ from pathlib import Path
 from threading import Lock
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
+from runtime.library import Array
 from runtime.recording.current_gains import CurrentGains
 from runtime.recording.formats import format_of_folder, format_of_suffix
 from runtime.recording.formats.log_format import Digests, LogRows
@@ -17,7 +17,7 @@ from runtime.recording.formats.tables import LogTable
 from runtime.recording.log_files import LogFiles, parts_of
 from runtime.recording.reader import place_and_recipe, read_recording
 from runtime.recording.recipes.recipe import UNITS, Recipe, Signal, Time
-from runtime.recording.recording import FloatArray, Recording
+from runtime.recording.recording import Recording
 from runtime.recording.unit_conversion import converted, scaled
 
 LARGE = 200_000_000
@@ -30,7 +30,7 @@ class RawRows:
 
     start: int  # first row
     stop: int  # one past the last row
-    values: dict[str, FloatArray]  # kind of signal → (stop − start, m)
+    values: dict[str, Array]  # kind of signal → (stop − start, m)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +51,7 @@ class StreamedRecording:
     # estimated gains of its motor currents; None where it states them
     gains: CurrentGains | None = None
     # what is added to q for the encoders, (n,) [rad, m]; None for nothing
-    bias: FloatArray | None = None
+    bias: Array | None = None
     one_at_a_time: Lock = field(default_factory=Lock)  # held while rows are read
 
     def block(self, start: int, stop: int) -> Recording:
@@ -87,7 +87,7 @@ class StreamedRecording:
             recording = recording.replace(q=recording.q + self.bias)
         return recording if self.gains is None else scaled(recording, self.gains)
 
-    def instants(self, rows: Sequence[int], reach: int) -> NDArray[np.float64]:
+    def instants(self, rows: Sequence[int], reach: int) -> Array:
         """Times [s] of ascending rows; for a corrupt one that of the next one within `reach`."""
         time = self.plan.time
         if time is None or self.clock is None:

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
+from runtime.library import Array, Integers
 from runtime.recording.commanded_torque import commanded_torque, per_joint
 from runtime.recording.consistency import unwrap
 from runtime.recording.current_gains import CurrentGains
 from runtime.recording.formats.tables import MAX_CORRUPT, LogTable
 from runtime.recording.recipes.recipe import EXTRA_UNITS, UNITS, Recipe, Signal, Time
-from runtime.recording.recording import FloatArray, Recording
+from runtime.recording.recording import Recording
 
 FIELDS = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "tau"}
 _AS_MEASURED = {"desired_position": "position", "desired_velocity": "velocity"}
@@ -29,7 +29,7 @@ INSTANT = 1e-7
 class Converted:
     """Time and signals of a recording."""
 
-    t: FloatArray  # (N,) s
+    t: Array  # (N,) s
     # q, dq, ddq, tau as far as there are any, columns (N, n, k), and further signals
     signals: dict[str, Any]
     notes: tuple[str, ...]  # sentences
@@ -71,7 +71,7 @@ def converted(
     return Converted(t, signals, (*dropped, *notes, *steps, *repeated, *omitted))
 
 
-def usable_rows(raw: dict[str, LogTable]) -> tuple[NDArray[np.int64], list[str]]:
+def usable_rows(raw: dict[str, LogTable]) -> tuple[Integers, list[str]]:
     """Rows that are whole in every table, and sentences about the others."""
     counts = {kind: len(table.values) for kind, table in raw.items()}
     most, rows = max(counts.values()), min(counts.values())
@@ -109,7 +109,7 @@ def usable_rows(raw: dict[str, LogTable]) -> tuple[NDArray[np.int64], list[str]]
     ]
 
 
-def _kept(values: FloatArray, keep: NDArray[np.int64]) -> FloatArray:
+def _kept(values: Array, keep: Integers) -> Array:
     """The usable rows, without a copy where all are usable."""
     return values if len(keep) == len(values) else values[keep]
 
@@ -117,10 +117,10 @@ def _kept(values: FloatArray, keep: NDArray[np.int64]) -> FloatArray:
 def _time(
     plan: Time | None,
     raw: dict[str, LogTable],
-    keep: NDArray[np.int64],
+    keep: Integers,
     first_row: int,
     origin: float | None,
-) -> tuple[FloatArray, list[str]]:
+) -> tuple[Array, list[str]]:
     """Seconds of the usable rows; a constant rate counts the dropped rows too."""
     if plan is None or plan.rate_hz is not None:
         rate = plan.rate_hz if plan is not None and plan.rate_hz is not None else 1.0
@@ -138,9 +138,7 @@ def _time(
     return t * UNITS["time"][plan.unit], []
 
 
-def _joint_side(
-    kind: str, signal: Signal, raw: FloatArray, plan: Recipe
-) -> tuple[FloatArray, list[str]]:
+def _joint_side(kind: str, signal: Signal, raw: Array, plan: Recipe) -> tuple[Array, list[str]]:
     """x_i = sign·gain·unit·raw[:, order_i], then q = R⁻¹x + offset, dq = R⁻¹x, τ = Rᵀx."""
     n = raw.shape[1]
     order = np.array(signal.order or range(n))
@@ -189,7 +187,7 @@ def _joint_side(
     return x, [*notes, f"Converted {kind}: {', '.join(done)}."] if done else notes
 
 
-def _extra(name: str, signal: Signal, raw: FloatArray, n: int) -> FloatArray:
+def _extra(name: str, signal: Signal, raw: Array, n: int) -> Array:
     """A further signal (N, n) of the joints, or of the robot as a whole in one column."""
     kind, width = f"extra.{name}", raw.shape[1]
     if width not in {1, n}:
@@ -204,9 +202,7 @@ def _extra(name: str, signal: Signal, raw: FloatArray, n: int) -> FloatArray:
     return np.broadcast_to(values, (len(raw), n))
 
 
-def _without_repeats(
-    t: FloatArray, signals: dict[str, Any]
-) -> tuple[FloatArray, dict[str, Any], list[str]]:
+def _without_repeats(t: Array, signals: dict[str, Any]) -> tuple[Array, dict[str, Any], list[str]]:
     """Drop rows with the same stamp and the same values as the row before."""
     same = np.diff(t) == 0.0
     if not same.any():
@@ -222,8 +218,8 @@ def _without_repeats(
 
 
 def _without_intervals(
-    t: FloatArray, signals: dict[str, Any], intervals: tuple[tuple[float, float], ...]
-) -> tuple[FloatArray, dict[str, Any], list[str]]:
+    t: Array, signals: dict[str, Any], intervals: tuple[tuple[float, float], ...]
+) -> tuple[Array, dict[str, Any], list[str]]:
     """Leave out the rows of some intervals [s], both ends included."""
     keep = np.ones(len(t), dtype=bool)
     for first, last in intervals:

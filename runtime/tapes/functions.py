@@ -5,11 +5,10 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.common.optional import optional
 from runtime.errors import LibraryError, ShapeError
-from runtime.library import Library, require_library
+from runtime.library import Array, Library, require_library
 from runtime.tapes.derivatives import Tensor
 
 
@@ -181,7 +180,7 @@ class TapeFunctions(ABC):
         """π of the URDF, a matrix of the base parameters, zeros or ones of rows, per dtype."""
         key = (name, like.dtype)
         if key not in self._constants:
-            values: dict[str, NDArray[np.float64]] = {
+            values: dict[str, Array] = {
                 "pi0": self.lib.pi0,
                 "base_matrix": self.lib.base_matrix.T,
                 "zeros": np.zeros(self.lib.n_rows),

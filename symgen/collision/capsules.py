@@ -13,14 +13,12 @@ from dataclasses import dataclass
 
 import coal
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.spatial import ConvexHull, QhullError
 
 from symgen.collision.geometry import Capsule, LinkGeometry
 from symgen.collision.model import Proxy
-
-Array = NDArray[np.float64]
+from symgen.kernel import Array
 
 GRAIN = 1e-4
 """Grid of the ends and radii, m; radii are rounded up."""

@@ -11,14 +11,12 @@ from typing import Any
 import coal
 import numpy as np
 import pinocchio
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from symgen.chain import Chain
 from symgen.collision.model import BASE
 from symgen.errors import CollisionError
-
-Array = NDArray[np.float64]
+from symgen.kernel import Array
 
 FARTHEST = 10.0
 """Largest coordinate of a shape in the frame of its link, m; beyond it a mesh is in mm."""

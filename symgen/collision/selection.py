@@ -15,17 +15,15 @@ from dataclasses import dataclass
 import casadi as ca
 import coal
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from symgen.chain import Chain
 from symgen.collision.distance import clearance
 from symgen.collision.geometry import LinkGeometry
 from symgen.collision.model import BASE, MARGIN, CollisionModel, Pair, Proxy
+from symgen.kernel import Array
 from symgen.mechanics.closure import supplied
 from symgen.mechanics.kinematics import link_poses
-
-Array = NDArray[np.float64]
 
 FAR = 0.005
 """Distance above the margin that a pair must always keep to be left out, m."""

@@ -7,11 +7,9 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from symgen.kernel import Array
 from symgen.mechanics import inertia
-
-Array = NDArray[np.float64]
 
 ERROR = "error"
 """Severity of a value that is physically impossible."""

@@ -13,12 +13,11 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.chain import Chain, Joint
 from symgen.chain.model import FLOATING
 from symgen.errors import RankError
-from symgen.kernel import Matrix
+from symgen.kernel import Array, Matrix
 from symgen.mechanics.inertia import (
     N_PARAMETERS,
     PI_NAMES,
@@ -28,8 +27,6 @@ from symgen.mechanics.inertia import (
     pi_of_body,
     sum_of_bodies,
 )
-
-Array = NDArray[np.float64]
 
 SILENT_COLUMN = 1e-11
 """Norm of a column of W, relative to the largest, below which it is rounding error.

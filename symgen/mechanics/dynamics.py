@@ -29,11 +29,10 @@ from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from symgen.chain import Chain
 from symgen.chain.model import BASE_FREEDOM, FLOATING
-from symgen.kernel import Matrix
+from symgen.kernel import Array, Matrix
 from symgen.mechanics.closure import supplied
 from symgen.mechanics.inertia import (
     N_PARAMETERS,
@@ -52,8 +51,6 @@ from symgen.mechanics.kinematics import (
     per_joint,
 )
 from symgen.mechanics.spatial import joint_pose
-
-Array = NDArray[np.float64]
 
 
 def inverse_dynamics(

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from symgen.chain import Chain, Joint
 from symgen.chain.model import Turn
 from symgen.errors import UrdfError
+from symgen.kernel import Array
 from symgen.mechanics.closure import supplied
 from symgen.mechanics.kinematics import all_positions
 from symgen.mechanics.loop_equations import closed_chain, seed_values
 
-Array = NDArray[np.float64]
 Sampler = Callable[[Array], tuple[Array, NDArray[np.bool_], Array]]
 
 SHARE = 0.2

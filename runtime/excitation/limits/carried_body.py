@@ -26,14 +26,13 @@ from typing import Annotated, ClassVar
 import numpy as np
 from msgspec import Meta
 from msgspec.structs import asdict
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from runtime.common.records import Record, Vector3, record_from_toml
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.distance_limits import Clearance, body_of
 from runtime.excitation.limits.nonlinear_limits import Body, IntervalBounds
-from runtime.library import Array, Library, ProxyFacts
+from runtime.library import Array, Library, Mask, ProxyFacts
 from runtime.library.parameters import link_columns
 
 EMPTY_HAND = "empty hand"
@@ -98,8 +97,8 @@ class Poses:
     rotation: Array  # (N, n, 3, 3)
     origin: Array  # (N, n, 3) m
     axis: Array  # axes of the joints in the base frame, (N, n, 3)
-    slides: NDArray[np.bool_]  # joints that slide, (n,)
-    movers: NDArray[np.bool_]  # movers[i, j] where joint j moves link i, (n, n)
+    slides: Mask  # joints that slide, (n,)
+    movers: Mask  # movers[i, j] where joint j moves link i, (n, n)
 
     @classmethod
     def at(cls, lib: Library, q: Array) -> "Poses":
@@ -120,7 +119,7 @@ class Poses:
             return np.broadcast_to(point, (len(self.origin), 3))
         return np.asarray(self.rotation[:, joint] @ point + self.origin[:, joint])
 
-    def moved_by(self, joint: int) -> NDArray[np.bool_]:
+    def moved_by(self, joint: int) -> Mask:
         """Joints that move a link, (n,)."""
         return self.movers[joint] if joint >= 0 else np.zeros(len(self.slides), dtype=bool)
 

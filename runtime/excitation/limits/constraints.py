@@ -1,7 +1,6 @@
 """Constraints of a design that are not linear in its coefficients, from `Safety` and manifest."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.carried_body import (
@@ -22,7 +21,7 @@ from runtime.excitation.limits.distance_limits import (
 from runtime.excitation.limits.nonlinear_limits import Braking, Constraint, Side, TimedConstraint
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.limits.torque_limits import ModelBand, TorqueLimit, known_torque_of
-from runtime.library import Array, Library
+from runtime.library import Array, Indices, Library
 from runtime.library.manifest import torque_units
 
 TABLE_MARGIN = 0.03
@@ -198,7 +197,7 @@ def _margins(lib: Library, clearance: float | None) -> Array:
     return np.where(stated < stated.max(), np.minimum(stated, clearance), clearance)
 
 
-def _lifted(lib: Library) -> NDArray[np.intp]:
+def _lifted(lib: Library) -> Indices:
     """Indices of proxies whose height depends on some joint; the height of the others is fixed."""
     q = np.random.default_rng(0).uniform(-1, 1, (_PROBES, lib.n_joints))
     heights = lib.plane_clearance(q, np.array([0.0, 0.0, 1.0, 0.0]))[0]

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.excitation.limits.nonlinear_limits import (
     ROUNDING,
@@ -24,7 +23,7 @@ from runtime.excitation.limits.nonlinear_limits import (
     SampledMotion,
     times,
 )
-from runtime.library import Array, Library, ProxyFacts
+from runtime.library import Array, Indices, Library, ProxyFacts
 
 LENGTH = 0.1
 """Unit of distances in constraints, m: what is missing or left by this is one whole limit."""
@@ -195,7 +194,7 @@ class TableClearance(Clearance):
     height: float
     margin: float
     labels: tuple[str, ...]  # names of the proxies
-    rows: NDArray[np.intp]  # indices of those proxies among the moving ones
+    rows: Indices  # indices of those proxies among the moving ones
 
     def distances_and_slopes(self, q: Array) -> tuple[Array, Array]:
         """Height of every proxy above the table, (N, R) m, and its slopes by q, (N, R, n)."""

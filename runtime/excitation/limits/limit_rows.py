@@ -7,7 +7,6 @@ Jacobian rows are computed on demand. Every derivative of the motion is linear i
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.dependent_joints import DependentLimit
@@ -16,7 +15,7 @@ from runtime.excitation.limits.nonlinear_limits import Braking, Constraint
 from runtime.excitation.limits.torque_limits import TorqueLimit
 from runtime.excitation.motion.family import Basis
 from runtime.excitation.motion.trajectory import COSINE
-from runtime.library import Array, Library
+from runtime.library import Array, Indices, Library
 
 LIMIT_STEP = 0.1
 """Step of the grid of limits in the descent, s (Sec. 3.4.2); the result is checked at 1 kHz."""
@@ -201,13 +200,13 @@ class LimitRows:
         """Largest g; −1 where there are no constraints."""
         return float(self.values(a).max(initial=-1.0))
 
-    def linearised(self, a: Array, near: float = NEAR) -> tuple[NDArray[np.intp], Array, Array]:
+    def linearised(self, a: Array, near: float = NEAR) -> tuple[Indices, Array, Array]:
         """Rows that a step could violate: numbers (m,), values and slopes."""
         values = self.values(a)
         chosen = np.flatnonzero(values > near)
         return chosen, values[chosen], self.jacobian(a, chosen)
 
-    def jacobian(self, a: Array, chosen: NDArray[np.intp]) -> Array:
+    def jacobian(self, a: Array, chosen: Indices) -> Array:
         """Slopes ∂g/∂vec(a), (m, n M), of chosen rows (m,)."""
         motion = self.motion(a)
         blocks, first = [np.zeros((0, a.size))], 0

@@ -25,7 +25,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.excitation.limits.nonlinear_limits import (
     ROUNDING,
@@ -33,7 +32,7 @@ from runtime.excitation.limits.nonlinear_limits import (
     IntervalBounds,
     SampledMotion,
 )
-from runtime.library import Array, Library
+from runtime.library import Array, Indices, Library
 
 _MANY = 10
 """Parameters above which the whole regressor takes less time than its columns."""
@@ -88,7 +87,7 @@ class ModelBand:
         return np.asarray(bounds.bend(second) + ROUNDING * size)
 
     @property
-    def _used(self) -> NDArray[np.intp]:
+    def _used(self) -> Indices:
         return np.flatnonzero(self.pi)
 
     def _columns(self, motion: Array, order: int) -> Array:

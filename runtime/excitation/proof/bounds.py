@@ -33,7 +33,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.nonlinear_limits import (
@@ -46,7 +45,7 @@ from runtime.excitation.limits.nonlinear_limits import (
 from runtime.excitation.limits.torque_limits import TorqueLimit
 from runtime.excitation.motion.family import Basis
 from runtime.excitation.motion.trajectory import Trajectory
-from runtime.library import Array, Library
+from runtime.library import Array, Indices, Library
 
 INTERVALS = 4000
 """Fewest intervals of the grid over half the duration; over all of it twice as many."""
@@ -128,7 +127,7 @@ class _Chords:
         every = *sides, sup[3:], ROUNDING * sup[: len(KINDS)]
         return cls(*(part[..., None] for part in every))
 
-    def of_rows(self, order: NDArray[np.intp], joint: NDArray[np.intp]) -> "_Chords":
+    def of_rows(self, order: Indices, joint: Indices) -> "_Chords":
         """For chosen kinds and joints, (K, 1) each."""
         every = self.up, self.down, self.third, self.rounding
         return _Chords(*(part[order, joint] for part in every))
@@ -255,7 +254,7 @@ class MotionGrid:
         basis, size = self._trajectory.basis, self._weights.shape[1]
         return self._moved(_phi(basis, size, first, last, self.count))
 
-    def at(self, samples: NDArray[np.intp], parts: int = 1) -> Array:
+    def at(self, samples: Indices, parts: int = 1) -> Array:
         """States q and derivatives, (5, N, n), at any instants."""
         s = samples / (self.count * parts)
         return self._moved(self._trajectory.basis.derivatives(ORDERS, self._weights.shape[1], s))
@@ -392,16 +391,16 @@ class Division:
         """Nothing is seen yet."""
         self.peaks, self.constraint = peaks, constraint
         self._largest = np.full(len(constraint.labels), -np.inf)
-        self._kept: list[tuple[NDArray[np.intp], Array]] = []
+        self._kept: list[tuple[Indices, Array]] = []
 
-    def see(self, first: Array, last: Array, rise: Array, intervals: NDArray[np.intp]) -> None:
+    def see(self, first: Array, last: Array, rise: Array, intervals: Indices) -> None:
         """Keep bounds of intervals until `settle`."""
         ends = np.maximum(first, last)
         self._largest = np.fmax(self._largest, ends.max(axis=0))
         self._kept.append((intervals, ends + rise))
         self.peaks.intervals += len(intervals)
 
-    def undecided(self, step: float) -> NDArray[np.intp]:
+    def undecided(self, step: float) -> Indices:
         """Hand all bounds that are tight to the peaks."""
         if not self._kept:
             return np.zeros(0, dtype=np.intp)

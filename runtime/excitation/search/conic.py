@@ -13,10 +13,9 @@ from typing import Protocol
 
 import clarabel
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
-from runtime.library import Array
+from runtime.library import Array, Indices, Mask
 
 MU = 20.0
 """Penalty μ: f is log cond or like it, x has size one at the bounds; multipliers stay below 5."""
@@ -126,7 +125,7 @@ class LinearRows:
         return solution
 
 
-def _parts(matrix: Array) -> list[tuple[NDArray[np.intp], NDArray[np.intp], Array]]:
+def _parts(matrix: Array) -> list[tuple[Indices, Indices, Array]]:
     """Rows with entries in the same columns, these columns, and the entries: joints in turn."""
     groups: dict[bytes, list[int]] = {}
     for number, pattern in enumerate(np.packbits(matrix != 0, axis=1)):
@@ -151,17 +150,17 @@ class Nonlinear(Protocol):
     def violation(self, x: Array) -> float:
         """Violation v(x) = max(0, max g)."""
 
-    def near(self, x: Array) -> tuple[NDArray[np.intp], Array, Array]:
+    def near(self, x: Array) -> tuple[Indices, Array, Array]:
         """Numbers, ascending, g (m,) and J (m, p) of all rows that a step could violate."""
 
-    def values(self, x: Array, numbers: NDArray[np.intp]) -> Array:
+    def values(self, x: Array, numbers: Indices) -> Array:
         """Values of chosen rows.
 
         Returns:
             g, (m,).
         """
 
-    def jacobian(self, x: Array, numbers: NDArray[np.intp]) -> Array:
+    def jacobian(self, x: Array, numbers: Indices) -> Array:
         """Slopes of chosen rows.
 
         Returns:
@@ -218,7 +217,7 @@ class Curved:
         change = self._nonlinear.jacobian(after, self._numbers[rows]) - self._slopes[rows]
         return np.asarray(lam[active] @ change)
 
-    def _peaks(self, values: Array) -> NDArray[np.bool_]:
+    def _peaks(self, values: Array) -> Mask:
         """Rows not below their direct neighbours on the grid."""
         # A missing number is a gap: neighbours in the array are then no neighbours on the grid.
         joined = np.diff(self._numbers) == 1

@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.excitation.search.conic import (
     MU,
@@ -29,7 +28,7 @@ from runtime.excitation.search.conic import (
     corrected,
     solve,
 )
-from runtime.library import Array
+from runtime.library import Array, Indices
 
 CLUSTER = 1.35
 """Eigenvalues within this factor of an extreme belong to its cluster."""
@@ -147,18 +146,16 @@ class Spectrum:
         value = float(np.log(values[-1] / values[0]) / 2) if positive else np.inf
         return cls(values, vectors, value)
 
-    def upper(self) -> NDArray[np.intp]:
+    def upper(self) -> Indices:
         """Indices of the cluster at the upper end."""
         return np.flatnonzero(self.values >= self.values[-1] / CLUSTER)[-LARGEST_CLUSTER:]
 
-    def lower(self) -> NDArray[np.intp]:
+    def lower(self) -> Indices:
         """Indices of the cluster at the lower end."""
         return np.flatnonzero(self.values <= self.values[0] * CLUSTER)[:LARGEST_CLUSTER]
 
 
-def weight_of(
-    at: Spectrum, cluster: NDArray[np.intp], extreme: float, previous: Array | None
-) -> Array:
+def weight_of(at: Spectrum, cluster: Indices, extreme: float, previous: Array | None) -> Array:
     """Multipliers of a cluster, V U Vᵀ of trace 1: the previous ones, as far as they lie in it."""
     vectors = at.vectors[:, cluster]
     if previous is not None:
@@ -174,9 +171,7 @@ def of_trace_one(matrix: Array) -> Array:
     return matrix / np.trace(matrix)
 
 
-def bending(
-    slopes: Array, at: Spectrum, cluster: NDArray[np.intp], weight: Array, extreme: float
-) -> Array:
+def bending(slopes: Array, at: Spectrum, cluster: Indices, weight: Array, extreme: float) -> Array:
     """Second order (p, p) of a cluster through the eigenvalues outside, relative to the extreme.
 
     2 ⟨U, V₁ᵀ C_i V₂ (λ − Λ₂)⁻¹ V₂ᵀ C_j V₁⟩ / λ: positive at both ends, as the lower one counts

@@ -15,7 +15,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.constraints import constraints, require_rest
@@ -27,7 +26,7 @@ from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.measures import Measure, rank, too_many
 from runtime.excitation.search.semidefinite_polish import polish
 from runtime.excitation.search.sqp import TOLERANCE, Objective, descend
-from runtime.library import Array, Library
+from runtime.library import Array, Indices, Library
 
 __all__ = ["Search"]
 
@@ -77,16 +76,16 @@ class ElasticLimits:
         """Largest value above zero."""
         return max(0.0, self._rows.worst(self._coordinates.of_one(x)))
 
-    def near(self, x: Array) -> tuple[NDArray[np.intp], Array, Array]:
+    def near(self, x: Array) -> tuple[Indices, Array, Array]:
         """Numbers, values and slopes of all rows that a step could violate."""
         numbers, values, slopes = self._rows.linearised(self._coordinates.of_one(x))
         return numbers, values, self._coordinates.slopes(slopes)
 
-    def values(self, x: Array, numbers: NDArray[np.intp]) -> Array:
+    def values(self, x: Array, numbers: Indices) -> Array:
         """Values of chosen rows, (m,)."""
         return self._rows.values(self._coordinates.of_one(x))[numbers]
 
-    def jacobian(self, x: Array, numbers: NDArray[np.intp]) -> Array:
+    def jacobian(self, x: Array, numbers: Indices) -> Array:
         """Slopes of chosen rows, (m, p)."""
         rows = self._rows.jacobian(self._coordinates.of_one(x), numbers)
         return self._coordinates.slopes(rows)

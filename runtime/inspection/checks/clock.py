@@ -14,18 +14,16 @@ velocity of both ends, or without one the mean of the neighbouring steps.
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.common.tables import significant
 from runtime.errors import RecordingError
 from runtime.inspection.checks.signals import moving_joints
 from runtime.inspection.finding import ERROR, INFO, WARNING, Finding
-from runtime.library import Array, Library
+from runtime.library import Array, Library, Mask
 from runtime.recording import Preparation, Recipe, Recording
 from runtime.recording.preprocessing.segments import HOLE, JITTER, repair_clock
 from runtime.recording.reader import Raw
 from runtime.recording.recipes.recipe import UNITS, Time
-from runtime.recording.recording import FloatArray
 from runtime.recording.rest_speeds import rest_speeds
 
 REPEATED = 0.002
@@ -119,12 +117,12 @@ def clock(
     return plan.replace(preparation=preparation), findings
 
 
-def _least_gap(steps: FloatArray) -> float:
+def _least_gap(steps: Array) -> float:
     """Step [s] above which the clock has a gap; shorter steps are dropped samples."""
     return max(HOLE_S, _GAP_STEPS * float(np.median(steps)))
 
 
-def _gaps(t: FloatArray, is_logged: NDArray[np.bool_], level: str) -> list[Finding]:
+def _gaps(t: Array, is_logged: Mask, level: str) -> list[Finding]:
     steps = np.diff(t)
     gaps = np.flatnonzero((steps > _least_gap(steps)) & is_logged)
     if not gaps.size:
@@ -140,7 +138,7 @@ def _gaps(t: FloatArray, is_logged: NDArray[np.bool_], level: str) -> list[Findi
     return [Finding("holes", level, sentence, evidence)]
 
 
-def _dropped(steps: FloatArray, is_logged: NDArray[np.bool_], level: str) -> list[Finding]:
+def _dropped(steps: Array, is_logged: Mask, level: str) -> list[Finding]:
     median = float(np.median(steps))
     count = int(np.sum((steps > HOLE * median) & (steps <= _least_gap(steps)) & is_logged))
     if not count:
@@ -153,7 +151,7 @@ def _dropped(steps: FloatArray, is_logged: NDArray[np.bool_], level: str) -> lis
     return [Finding("dropped_ticks", level, sentence, evidence)]
 
 
-def _jitter(steps: FloatArray, level: str) -> list[Finding]:
+def _jitter(steps: Array, level: str) -> list[Finding]:
     median = float(np.median(steps))
     spread = np.quantile(steps[steps <= HOLE * median], [0.001, 0.999]) / median
     if max(abs(spread - 1.0)) <= max(10 * JITTER, 0.05):
@@ -167,7 +165,7 @@ def _jitter(steps: FloatArray, level: str) -> list[Finding]:
     return [Finding("jitter", level, sentence, evidence)]
 
 
-def _left_out(recording: Recording, plan: Recipe) -> NDArray[np.bool_]:
+def _left_out(recording: Recording, plan: Recipe) -> Mask:
     """Steps of time across rows that the recipe leaves out, (N − 1,)."""
     before, after = recording.t[:-1], recording.t[1:]
     across = np.zeros(len(before), dtype=bool)
@@ -188,7 +186,7 @@ def _rebuilt(
 
 
 def _stale(
-    recording: Recording, plan: Recipe, lib: Library, logged: FloatArray | None
+    recording: Recording, plan: Recipe, lib: Library, logged: Array | None
 ) -> tuple[Preparation, list[Finding]]:
     """States logged twice, and the clock rebuilt from Δq = v Δt where that fits better."""
     preparation = plan.preparation
@@ -241,7 +239,7 @@ def _repeated(level: str, count: int, share: float, remedy: str, evidence: dict)
     return Finding("repeated_rows", level, sentence, evidence)
 
 
-def _counts(q: FloatArray) -> FloatArray:
+def _counts(q: Array) -> Array:
     """Smallest step of q (N, n) at each row: one encoder count, or the last digit of the file."""
     steps = np.abs(np.diff(q, axis=0))
     least = np.array([column[column > 0].min(initial=np.inf) for column in steps.T])
@@ -278,7 +276,7 @@ def _fit_of_clocks(recording: Recording, tick: float) -> tuple[float, float, int
 def _misfit(recording: Recording) -> float:
     """‖Δq − v Δt‖ / ‖Δq‖ with the mean v of both ends of every step."""
     dq = recording.required("dq")
-    moved: FloatArray = np.diff(recording.q, axis=0)
+    moved: Array = np.diff(recording.q, axis=0)
     mean = 0.5 * (dq[1:] + dq[:-1])
     expected = mean * np.diff(recording.t)[:, None]
     return float(np.linalg.norm(moved - expected) / max(float(np.linalg.norm(moved)), 1e-300))
@@ -337,14 +335,14 @@ def lost_beside_repeats(recording: Recording, repeated: int, skipped: int) -> li
     return [Finding("restamped", WARNING, sentence, {"share": share, "step_s": step})]
 
 
-def _even_steps(recording: Recording) -> tuple[float, NDArray[np.bool_]]:
+def _even_steps(recording: Recording) -> tuple[float, Mask]:
     """Median step [s], and whether each step is that of a clock of constant rate, (N − 1,)."""
     steps = np.diff(recording.t)
     step = float(np.median(steps))
     return step, np.asarray(np.abs(steps / step - 1.0) < EVEN)
 
 
-def _ratios(recording: Recording, step: float) -> tuple[Array, NDArray[np.bool_]]:
+def _ratios(recording: Recording, step: float) -> tuple[Array, Mask]:
     """r of every step, and whether the arm moves fast enough there, (N − 1,) each."""
     moved = np.diff(recording.q, axis=0)
     if recording.dq is not None:

@@ -11,7 +11,6 @@ import itertools
 from math import factorial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.common.tables import significant
 from runtime.estimators import column_faults as faults
@@ -19,7 +18,7 @@ from runtime.estimators.column_faults import ColumnFault, ColumnFaults
 from runtime.estimators.regression.posterior import least_squares
 from runtime.inspection.checks.torque_rows import TorqueRows
 from runtime.inspection.finding import INFO, WARNING, Finding, joint_list, numbers
-from runtime.library import Array, Library
+from runtime.library import Array, Integers, Library
 from runtime.recording import Recipe, Recording
 
 MOST_ORDERS = 5040
@@ -94,7 +93,7 @@ def beyond_limits(q: Array, lib: Library) -> Array:
     return np.asarray(np.maximum(np.maximum(lower - low, high - upper), 0.0))
 
 
-def mismatches(q: Array, tau: Array, orders: NDArray[np.int64], lib: Library) -> Array:
+def mismatches(q: Array, tau: Array, orders: Integers, lib: Library) -> Array:
     """E (P,) of several orders (P, n) of the joints."""
     placed = np.moveaxis(q[:, orders], 1, 0)  # (P, N, n)
     still = np.zeros_like(placed).reshape(-1, lib.n_joints)

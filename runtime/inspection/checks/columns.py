@@ -14,9 +14,9 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from runtime.library import Array
+
 MOST_ROWS = 20_000
 """Rows that are compared; more change no correlation."""
 FEWEST_ROWS = 20
@@ -91,7 +91,7 @@ class ColumnBlock:
     reason: str  # why, half a sentence
 
 
-def blocks_by_content(values: FloatArray, joints: int) -> tuple[ColumnBlock, ...]:
+def blocks_by_content(values: Array, joints: int) -> tuple[ColumnBlock, ...]:
     """Assign the columns of a table to signals."""
     rows = values[np.isfinite(values).all(axis=1)][:MOST_ROWS]
     if len(rows) < FEWEST_ROWS or np.abs(rows).max() > LARGEST_NUMBER:
@@ -118,7 +118,7 @@ def blocks_by_content(values: FloatArray, joints: int) -> tuple[ColumnBlock, ...
     return tuple(sorted((*blocks, *single.values()), key=lambda block: block.columns))
 
 
-def _clock_and_counters(rows: FloatArray) -> dict[int, ColumnBlock]:
+def _clock_and_counters(rows: Array) -> dict[int, ColumnBlock]:
     """The clock, and increasing columns that are not used, by their number."""
     steps = np.diff(rows, axis=0)
     spread = {}
@@ -137,7 +137,7 @@ def _clock_and_counters(rows: FloatArray) -> dict[int, ColumnBlock]:
     return blocks
 
 
-def _poses(rows: FloatArray, taken: set[int]) -> list[set[int]]:
+def _poses(rows: Array, taken: set[int]) -> list[set[int]]:
     """Columns that a pose may take: a unit quaternion and the position before or behind it."""
     width, poses = rows.shape[1], list[set[int]]()
     for first in range(width - 3):
@@ -152,7 +152,7 @@ def _poses(rows: FloatArray, taken: set[int]) -> list[set[int]]:
     return poses
 
 
-def _starts(rows: FloatArray, joints: int, taken: set[int]) -> list[int]:
+def _starts(rows: Array, joints: int, taken: set[int]) -> list[int]:
     """First columns of the blocks, between constant columns or whole runs of other columns."""
     constant = set(np.flatnonzero(np.ptp(rows, axis=0) == 0).tolist())
     for apart, least in ((taken | constant, 0), (taken, 0), (taken | constant, joints)):
@@ -174,7 +174,7 @@ def _starts(rows: FloatArray, joints: int, taken: set[int]) -> list[int]:
     return []
 
 
-def _leave_out(rows: FloatArray, joints: int, runs: list[list[int]], odd: list[int]) -> None:
+def _leave_out(rows: Array, joints: int, runs: list[list[int]], odd: list[int]) -> None:
     """Divide the run of an odd length at further columns between its blocks, in `runs`.
 
     They lie where the derivative of a block is another one in every joint; of several such places
@@ -206,14 +206,14 @@ def _leave_out(rows: FloatArray, joints: int, runs: list[list[int]], odd: list[i
     runs[:] = max(places, key=lambda place: place[0])[1] if places else []
 
 
-def _share(y: FloatArray, columns: list[FloatArray]) -> float:
+def _share(y: Array, columns: list[Array]) -> float:
     """Share of the power of y that columns and a constant explain."""
     matrix = np.column_stack([np.ones(len(y)), *columns])
     left = y - matrix @ np.linalg.lstsq(matrix, y, rcond=None)[0]
     return float(1.0 - left.var() / y.var()) if y.var() > 0 else 0.0
 
 
-def _signals(blocks: list[FloatArray]) -> list[tuple[str, str]]:
+def _signals(blocks: list[Array]) -> list[tuple[str, str]]:
     """Kind and reason of every block."""
     named: dict[int, tuple[str, str]] = {}
     count = range(len(blocks))
@@ -260,26 +260,26 @@ def _signals(blocks: list[FloatArray]) -> list[tuple[str, str]]:
     return [named[k] for k in count]
 
 
-def _averaged(block: FloatArray) -> FloatArray:
+def _averaged(block: Array) -> Array:
     """Moving average over `_SMOOTHING` rows, (N − 8, n)."""
     total = np.cumsum(np.vstack([np.zeros(block.shape[1]), block - block.mean(axis=0)]), axis=0)
     return np.asarray((total[_SMOOTHING:] - total[:-_SMOOTHING]) / _SMOOTHING, dtype=float)
 
 
-def _derivative(block: FloatArray) -> FloatArray:
+def _derivative(block: Array) -> Array:
     """Central difference of the moving average per row, (N − 10, n)."""
     smooth = _averaged(block)
     return smooth[2:] - smooth[:-2]
 
 
-def _slopes(a: FloatArray, b: FloatArray) -> FloatArray:
+def _slopes(a: Array, b: Array) -> Array:
     """Slope of every column of one block on that of another, (n,), of those that vary."""
     a, b = a - a.mean(axis=0), b - b.mean(axis=0)
     power = (b * b).sum(axis=0)
     return np.asarray((a * b).sum(axis=0)[power > 0] / power[power > 0])
 
 
-def _is_second_derivative(q: FloatArray, block: FloatArray) -> bool:
+def _is_second_derivative(q: Array, block: Array) -> bool:
     """Whether a block is d²q/dt² in one unit for all joints; torques have inertias of their own."""
     twice = _derivative(_derivative(q))
     inside = _averaged(_averaged(block))[2:-2]
@@ -289,13 +289,13 @@ def _is_second_derivative(q: FloatArray, block: FloatArray) -> bool:
     return bool((np.abs(slopes / np.median(slopes) - 1.0) < ALIKE).all())
 
 
-def _correlation(a: FloatArray, b: FloatArray) -> float:
+def _correlation(a: Array, b: Array) -> float:
     """Correlation of two blocks, median over the joints in which both vary."""
     values = _correlations(a, b)
     return float(np.median(values)) if values.size else 0.0
 
 
-def _correlations(a: FloatArray, b: FloatArray) -> FloatArray:
+def _correlations(a: Array, b: Array) -> Array:
     """Correlation of two blocks in each joint in which both vary."""
     a, b = a - a.mean(axis=0), b - b.mean(axis=0)
     size = np.linalg.norm(a, axis=0) * np.linalg.norm(b, axis=0)
@@ -303,7 +303,7 @@ def _correlations(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray((a * b).sum(axis=0)[varies] / size[varies])
 
 
-def _roughness(block: FloatArray, quantile: float = 0.5) -> float:
+def _roughness(block: Array, quantile: float = 0.5) -> float:
     """RMS of second differences over the standard deviation, median or quantile over the joints."""
     deviation = block.std(axis=0)
     varies = deviation > 0

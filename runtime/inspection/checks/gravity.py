@@ -32,7 +32,6 @@ import shlex
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.common.tables import significant
 from runtime.errors import RuntimeFault
@@ -45,7 +44,7 @@ from runtime.estimators.regression.posterior import least_squares, orthonormal, 
 from runtime.estimators.regression.samples import Samples
 from runtime.inspection.checks.torque_rows import EPSILON, TorqueRows
 from runtime.inspection.finding import ERROR, WARNING, Finding, joint_list
-from runtime.library import Array, Library
+from runtime.library import Array, Integers, Library
 from runtime.recording import Recipe
 
 LOADED, OPPOSITE_SHARE = 0.7, 0.8
@@ -83,7 +82,7 @@ class TorqueEvidence:
         return float(self.load[self.opposite].sum()) > OPPOSITE_SHARE * float(self.load.sum())
 
     @property
-    def opposite(self) -> NDArray[np.int64]:
+    def opposite(self) -> Integers:
         """Joints whose torque follows the gravity torque with the opposite sign."""
         return np.flatnonzero(self.correlation < -LOADED)
 

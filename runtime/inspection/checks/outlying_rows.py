@@ -13,11 +13,10 @@ moves are those of a logger or a driver that stopped.
 import itertools
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from runtime.inspection.finding import WARNING, Finding, joint_list
-from runtime.library import Array, Library
+from runtime.library import Array, Library, Mask
 from runtime.recording import Recipe, Recording
 from runtime.recording.preprocessing.segments import holes, runs
 from runtime.recording.rest_speeds import rest_speeds
@@ -110,7 +109,7 @@ def outlying_rows(recording: Recording, plan: Recipe, lib: Library) -> tuple[Rec
     return plan, [Finding("outliers", WARNING, sentence, evidence)]
 
 
-def _outliers(values: Array) -> NDArray[np.bool_]:
+def _outliers(values: Array) -> Mask:
     """Whether each value is far from the median of its neighbours, (N, n)."""
     middle = median_filter(values, size=(WINDOW, 1), mode="nearest")
     far = np.abs(values - middle)
@@ -121,14 +120,14 @@ def _outliers(values: Array) -> NDArray[np.bool_]:
     return np.asarray(far > np.maximum(TIMES * usual, RANGE * (high - low) + 1e-300))
 
 
-def _beyond_effort(tau: Array, lib: Library) -> NDArray[np.bool_]:
+def _beyond_effort(tau: Array, lib: Library) -> Mask:
     """Torques beyond effort and all others of their joint, (N, n), whatever the unit."""
     low, high = np.quantile(tau, [MOST_OUTLIERS / 2, 1.0 - MOST_OUTLIERS / 2], axis=0)
     far = (tau > high + (high - low)) | (tau < low - (high - low))
     return np.asarray(far & (np.abs(tau) > BEYOND * lib.limits()["effort"]))
 
 
-def _jumps(recording: Recording) -> NDArray[np.bool_]:
+def _jumps(recording: Recording) -> Mask:
     """Rows between jumps of q that are followed by another one, (N, n)."""
     marks = np.zeros(recording.q.shape, dtype=bool)
     # Differences, not speeds: uneven stamps change these.
@@ -151,7 +150,7 @@ def _jumps(recording: Recording) -> NDArray[np.bool_]:
     return marks
 
 
-def _bursts(rows: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _bursts(rows: Mask) -> list[tuple[int, int]]:
     """First and one past the last row of every burst; long ones gain two rows at both ends."""
     places = np.flatnonzero(rows)
     groups = np.split(places, np.flatnonzero(np.diff(places) > APART) + 1)
@@ -162,7 +161,7 @@ def _bursts(rows: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return bursts
 
 
-def _sentence(key: str, values: Array, mark: NDArray[np.bool_], lib: Library) -> str:
+def _sentence(key: str, values: Array, mark: Mask, lib: Library) -> str:
     """Joints and size of the outliers of one signal."""
     joints = [int(j) for j in np.flatnonzero(mark.any(axis=0))]
     peaks = np.where(mark, np.abs(values), 0.0).max(axis=0)

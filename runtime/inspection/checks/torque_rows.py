@@ -10,13 +10,12 @@ gains computed from it are a start, not a calibration.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.posterior import least_squares
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.inspection.finding import ERROR, Finding
-from runtime.library import Array, Library
+from runtime.library import Array, Integers, Library, Mask
 from runtime.recording import Friction, Preparation, Recipe, Recording
 from runtime.recording.friction.columns import ROTOR
 from runtime.recording.friction.coupled_motors import spread
@@ -41,7 +40,7 @@ class TorqueRows:
 
     lib: Library  # library of the robot
     whole: Recording  # the recording on its grid, filtered, not decimated and with its rests
-    rows: NDArray[np.int64]  # indices of the thinned rows in which the arm moves, (N,)
+    rows: Integers  # indices of the thinned rows in which the arm moves, (N,)
     samples: Samples  # samples of these rows, with friction columns
     has_rotors: bool = False  # whether rotor inertia is among these columns
 
@@ -179,7 +178,7 @@ def _beyond(torque_rows: TorqueRows) -> list[Finding]:
     return [Finding("torque_unit", ERROR, sentence, {"peak_over_effort": ratio})]
 
 
-def slopes_to_model(torque_rows: TorqueRows) -> tuple[Array, NDArray[np.bool_]]:
+def slopes_to_model(torque_rows: TorqueRows) -> tuple[Array, Mask]:
     """Slope s of τ on the model's torque per joint, (n,), and whether it is used, (n,) booleans."""
     inertial, falls = torque_rows.model_torque()
     model = inertial + falls

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
 from runtime.common.files import replacing
 from runtime.errors import RecordingError
+from runtime.library import Array, Indices
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,8 +38,6 @@ __all__ = [
     "svg",
     "thinned",
 ]
-
-Array = NDArray[np.float64]
 
 BLUE, ORANGE, GREEN = "#0072B2", "#E69F00", "#009E73"
 PURPLE, SKY, VERMILION = "#CC79A7", "#56B4E9", "#D55E00"
@@ -224,16 +222,14 @@ def svg(figure: "Figure", name: str) -> Markup:
     return Markup(re.sub(r"<svg[^>]*>", head, text, count=1))  # noqa: S704  matplotlib escapes text
 
 
-def pauses(t: Array) -> NDArray[np.intp]:
+def pauses(t: Array) -> Indices:
     """Indices of the first samples after pauses of more than ten median steps."""
     steps = np.diff(t)
     step = np.median(steps) if len(t) > 1 else 0.0
     return np.flatnonzero(steps > 10 * step) + 1
 
 
-def thinned(
-    t: Array, y: Array, most: int, gaps: NDArray[np.intp] | None = None
-) -> tuple[Array, Array]:
+def thinned(t: Array, y: Array, most: int, gaps: Indices | None = None) -> tuple[Array, Array]:
     """Reduce a curve to about `most` points: the smallest and largest value of equal bins.
 
     A pause becomes a gap in the line, unless there are too many.
@@ -260,7 +256,7 @@ def thinned(
     return np.concatenate(pieces_t[:-1]), np.concatenate(pieces_y[:-1])
 
 
-def _envelope(y: Array, most: int) -> NDArray[np.intp]:
+def _envelope(y: Array, most: int) -> Indices:
     """Indices of the first, the last, and the smallest and largest value of each bin."""
     count = len(y)
     if count <= most:

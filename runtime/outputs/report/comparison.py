@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.common.files import json_of
 from runtime.common.tables import Table, significant
 from runtime.errors import RuntimeFault
 from runtime.identification.comparison.two_results import TwoResults
+from runtime.library import Array
 from runtime.outputs.report.figures import method_bars
 from runtime.outputs.report.page import Page, Section, Tile, provenance
 
@@ -124,7 +124,7 @@ def _sections(facts: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> It
     )
 
 
-def _rms(values: Sequence[float], n: int) -> NDArray[np.float64]:
+def _rms(values: Sequence[float], n: int) -> Array:
     """RMS torque errors of one method, (n,) [N·m, N]."""
     rms = np.array(values, dtype=float)
     if rms.shape != (n,) or not (np.abs(rms) < LARGEST_RMS).all():

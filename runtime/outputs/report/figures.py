@@ -5,15 +5,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
+from runtime.library import Array
 from runtime.outputs.report import canvas
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-
-Array = NDArray[np.float64]
 
 POINTS, PANEL_POINTS = 6000, 1200
 """Largest number of points of a trace over the whole page, and over a part of its width."""

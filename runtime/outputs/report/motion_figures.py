@@ -10,17 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.excitation.motion_profile import Band, Gap, MotionProfile
+from runtime.library import Array
 from runtime.outputs.report import canvas
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from mpl_toolkits.mplot3d import Axes3D
-
-Array = NDArray[np.float64]
 
 CLOSEST = 4
 """Number of emphasised distances, those with the least distance − margin."""

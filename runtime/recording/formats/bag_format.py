@@ -19,9 +19,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
+from runtime.library import Array, Integers
 from runtime.recording.coupled_joints import renamed_joints
 from runtime.recording.formats import FOLDERS
 from runtime.recording.formats.bag_messages import Message, messages
@@ -34,9 +34,7 @@ FIELDS = ("position", "velocity", "effort")
 PIECE = 2**15
 """Messages of a publisher that are written to the spool together."""
 
-Ticks = NDArray[np.int64]
-
-FloatArray = NDArray[np.float64]
+Ticks = Integers
 
 
 @dataclass(slots=True)
@@ -83,7 +81,7 @@ class Publisher:
         if len(self._ticks) == 2 * PIECE:
             self._write()
 
-    def in_order(self, by_stamp: bool) -> Iterator[tuple[Ticks, FloatArray]]:
+    def in_order(self, by_stamp: bool) -> Iterator[tuple[Ticks, Array]]:
         """Yield pieces of ticks (k,) [ns] and fields (k, 3 n), sorted by one of the clocks."""
         self._write()
         ticks, values = np.zeros(0, dtype=np.int64), np.zeros((0, 3 * len(self.names)))
@@ -115,7 +113,7 @@ class Publisher:
 
 def merged(
     publishers: Sequence[Publisher], names: tuple[str, ...], by_stamp: bool
-) -> Iterator[tuple[Ticks, FloatArray]]:
+) -> Iterator[tuple[Ticks, Array]]:
     """Yield pieces of ticks [ns] and fields of some joints; NaN where no message has a value."""
     if len(publishers) == 1:
         columns = _columns(publishers[0].names, names)[1]
@@ -123,7 +121,7 @@ def merged(
             yield ticks, values[:, columns]
         return
     more = {k: each.in_order(by_stamp) for k, each in enumerate(publishers)}
-    held: dict[int, tuple[Ticks, FloatArray]] = {}
+    held: dict[int, tuple[Ticks, Array]] = {}
     reached = dict.fromkeys(more, -1)
     while more:
         k = min(more, key=reached.__getitem__)  # the publisher that is furthest behind continues
@@ -150,8 +148,8 @@ def merged(
 
 
 def _filled(
-    parts: list[tuple[tuple[str, ...], Ticks, FloatArray]], names: tuple[str, ...]
-) -> tuple[Ticks, FloatArray]:
+    parts: list[tuple[tuple[str, ...], Ticks, Array]], names: tuple[str, ...]
+) -> tuple[Ticks, Array]:
     """Join the rows of one stamp."""
     ticks = np.unique(np.concatenate([stamps for _, stamps, _ in parts]))
     filled = np.full((len(ticks), len(FIELDS) * len(names)), np.nan)

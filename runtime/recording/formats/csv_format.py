@@ -13,13 +13,14 @@ from typing import IO, Any
 import numpy as np
 
 from runtime.errors import RecordingError
+from runtime.library import Array
 from runtime.recording.formats.log_format import (
     LogFormat,
     LogReader,
     LogRows,
     require_whole_columns,
 )
-from runtime.recording.formats.tables import Columns, FloatArray, LogTable, Spool, SpooledRows
+from runtime.recording.formats.tables import Columns, LogTable, Spool, SpooledRows
 from runtime.recording.formats.text_tables import (
     cells_of,
     csv_table,
@@ -120,7 +121,7 @@ def _spooled(path: Path, kinds: Mapping[str, Columns]) -> SpooledRows:
     return SpooledRows(spool, int(ends[-1]), places)
 
 
-def _parsed(path: Path, columns: Columns) -> Iterator[FloatArray]:
+def _parsed(path: Path, columns: Columns) -> Iterator[Array]:
     names = tuple(column for column in columns if isinstance(column, str))
     header = ""
     for number, piece in enumerate(_pieces(path)):

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from runtime.errors import RecordingError
+from runtime.library import Array
 from runtime.recording.formats.log_format import (
     LogFormat,
     LogReader,
@@ -24,14 +25,7 @@ from runtime.recording.formats.log_format import (
     require_whole_columns,
     undamaged,
 )
-from runtime.recording.formats.tables import (
-    EXPANSION,
-    SLACK,
-    FloatArray,
-    LogTable,
-    common_count,
-    picked,
-)
+from runtime.recording.formats.tables import EXPANSION, SLACK, LogTable, common_count, picked
 from runtime.recording.recipes.default_convention import arrays_convention, unread_arrays
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 
@@ -62,7 +56,7 @@ class HdfLog:
         with self._opened() as file:
             self._list(file, "")
 
-    def read(self, key: str, start: int, stop: int | None) -> FloatArray:
+    def read(self, key: str, start: int, stop: int | None) -> Array:
         """Rows of one array, one per sample."""
         shape = self.shape(key)
         with self._opened() as file:
@@ -181,7 +175,7 @@ class HdfRows:
         self._log, self._kinds = log, dict(kinds)
         self.count = common_count(log.path, (log.shape(key)[0] for key in self._kinds.values()))
 
-    def read(self, start: int, stop: int) -> dict[str, FloatArray]:
+    def read(self, start: int, stop: int) -> dict[str, Array]:
         """Rows start … stop of every kind of signal."""
         return {kind: self._log.read(key, start, stop) for kind, key in self._kinds.items()}
 

@@ -15,10 +15,11 @@ import numpy as np
 
 from runtime.common.files import json_of, require_file
 from runtime.errors import RecordingError
+from runtime.library import Array
 from runtime.recording.formats import FOLDERS
 from runtime.recording.formats.log_format import LogFormat, LogReader
 from runtime.recording.formats.parquet_format import ParquetLog
-from runtime.recording.formats.tables import FloatArray, LogTable, common_count
+from runtime.recording.formats.tables import LogTable, common_count
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 
 PAUSE_S = 1.0
@@ -89,7 +90,7 @@ class LerobotReader(LogReader):
             self.raw.sha256.of_file(key, path)
         return paths
 
-    def _column(self, name: str) -> FloatArray:
+    def _column(self, name: str) -> Array:
         parts = []
         for path in self._files():
             with closing(ParquetLog(path)) as log:
@@ -101,7 +102,7 @@ class LerobotReader(LogReader):
             )
         return np.concatenate(parts)
 
-    def _joined(self, stamps: FloatArray) -> tuple[FloatArray, tuple[str, ...]]:
+    def _joined(self, stamps: Array) -> tuple[Array, tuple[str, ...]]:
         """Times of the episodes, each beginning `PAUSE_S` after the end of the one before."""
         episodes = self._column("episode_index")
         common_count(self.raw.path, (len(stamps), len(episodes)))

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from runtime.common.files import require_file
 from runtime.common.optional import optional
 from runtime.errors import RecordingError
-from runtime.recording.formats.tables import FloatArray, LogTable
+from runtime.library import Array
+from runtime.recording.formats.tables import LogTable
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 from runtime.recording.recording import Recording
 
@@ -110,7 +111,7 @@ class LogRows(Protocol):
     def count(self) -> int:
         """Number of rows."""
 
-    def read(self, start: int, stop: int) -> dict[str, FloatArray]:
+    def read(self, start: int, stop: int) -> dict[str, Array]:
         """Rows of every kind of signal.
 
         Args:

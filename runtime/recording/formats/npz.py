@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from runtime.common.records import Record, record_from_table
 from runtime.errors import RecordingError
-from runtime.recording.formats.tables import EXPANSION, SLACK, FloatArray, LogTable, common_count
+from runtime.library import Array
+from runtime.recording.formats.tables import EXPANSION, SLACK, LogTable, common_count
 
 __all__ = ["open_npz"]
 
@@ -80,7 +81,7 @@ def open_npz(data: bytes, name: str) -> dict[str, NDArray]:
 
 def record_from_arrays(kind: type[R], arrays: Mapping[str, NDArray[Any]], name: str) -> R:
     """Record of the arrays of an NPZ; an empty one is left out, so that its default stands."""
-    kept = (FloatArray, FloatArray | None)
+    kept = (Array, Array | None)
     table = {
         f.name: np.array(arrays[f.name], float) if f.type in kept else arrays[f.name].tolist()
         for f in fields(kind)
@@ -150,11 +151,11 @@ class NpzRows:
         self._arrays = {kind: self._usable(located, key) for kind, key in self.kinds.items()}
         self.count = common_count(path, (array.rows for array in self._arrays.values()))
 
-    def read(self, start: int, stop: int) -> dict[str, FloatArray]:
+    def read(self, start: int, stop: int) -> dict[str, Array]:
         """Rows start … stop of every kind of signal."""
         return {kind: self._slice(array, start, stop) for kind, array in self._arrays.items()}
 
-    def _slice(self, array: _Array, start: int, stop: int) -> FloatArray:
+    def _slice(self, array: _Array, start: int, stop: int) -> Array:
         offset = array.offset + start * array.width * array.dtype.itemsize
         count = (stop - start) * array.width
         values = np.fromfile(self.path, dtype=array.dtype, count=count, offset=offset)

@@ -15,8 +15,9 @@ import numpy as np
 
 from runtime.common.files import require_file
 from runtime.errors import RecordingError
+from runtime.library import Array
 from runtime.recording.formats.log_format import LogFormat, LogReader, LogRows, imported, undamaged
-from runtime.recording.formats.tables import EXPANSION, SLACK, Columns, FloatArray, LogTable
+from runtime.recording.formats.tables import EXPANSION, SLACK, Columns, LogTable
 from runtime.recording.recipes.default_convention import (
     KINDS,
     UNITS,
@@ -82,7 +83,7 @@ class ParquetLog:
             raise self._other_rows()
         return LogTable(values, np.arange(self.rows, dtype=np.int64))
 
-    def joined(self, parts: list[list[FloatArray]], by_columns: bool = False) -> FloatArray:
+    def joined(self, parts: list[list[Array]], by_columns: bool = False) -> Array:
         """Columns side by side and batches below each other; every number is copied once."""
         widths = [block.shape[1] for block in parts[0]]
         shape = sum(len(blocks[0]) for blocks in parts), sum(widths)
@@ -160,13 +161,13 @@ class Batch:
         """Rows start … stop, which are not copied."""
         return Batch(self.cells.slice(start, stop - start), self.name)
 
-    def blocks(self, columns: tuple[str, ...]) -> list[FloatArray]:
+    def blocks(self, columns: tuple[str, ...]) -> list[Array]:
         """Numbers (N, m) of every column, m = 1 where it holds no lists; null is NaN."""
         types = imported("pyarrow.types", "Parquet")
         with undamaged(self.name, KIND):
             return [self._block(column, types) for column in columns]
 
-    def _block(self, column: str, types: Any) -> FloatArray:
+    def _block(self, column: str, types: Any) -> Array:
         cells = self.cells.column(column)
         if not _is_list(cells.type, types):
             return _floats(cells).reshape(-1, 1)
@@ -213,7 +214,7 @@ def parquet_columns(columns: Columns, key: str, names: tuple[str, ...]) -> tuple
     raise RecordingError("the recipe names no columns of a Parquet file; write columns = [...]")
 
 
-def _floats(cells: Any) -> FloatArray:
+def _floats(cells: Any) -> Array:
     """Numbers as float64; null is NaN."""
     return np.asarray(cells.cast("float64").to_numpy(zero_copy_only=False), dtype=np.float64)
 
@@ -239,7 +240,7 @@ class ParquetRows:
         self._first = self._next = 0
         self._batches = log.batches(self._columns, 0)
 
-    def read(self, start: int, stop: int) -> dict[str, FloatArray]:
+    def read(self, start: int, stop: int) -> dict[str, Array]:
         """Rows start … stop of every kind of signal."""
         group = self._log.group_start(start)
         if start < self._first or group > self._next:

@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
+from runtime.library import Array, Integers
 
-FloatArray = NDArray[np.float64]
 Columns = tuple[str | int, ...]
 MAX_CORRUPT = 0.2
 """Largest share of corrupt rows of a log that is read."""
@@ -24,8 +23,8 @@ noise shrink to a half as numbers and to a tenth as text."""
 class LogTable:
     """Rows of numbers and where they come from."""
 
-    values: FloatArray  # (N, m) numbers; a corrupt row is NaN
-    lines: NDArray[np.int64]  # (N,) line of the file, or index, of each row
+    values: Array  # (N, m) numbers; a corrupt row is NaN
+    lines: Integers  # (N,) line of the file, or index, of each row
     remarks: tuple[str, ...] = ()  # sentences about the form of the file
 
 
@@ -71,7 +70,7 @@ class Spool:
         weakref.finalize(self, self._file.close)
         self.size = 0
 
-    def append(self, values: FloatArray) -> int:
+    def append(self, values: Array) -> int:
         """Append numbers and return the place of the first of them."""
         start = self.size
         try:
@@ -85,7 +84,7 @@ class Spool:
         self.size += values.size
         return start
 
-    def read(self, start: int, count: int) -> FloatArray:
+    def read(self, start: int, count: int) -> Array:
         """Numbers from a place on."""
         self._file.seek(8 * start)
         return np.frombuffer(self._file.read(8 * count), dtype=np.float64)
@@ -104,7 +103,7 @@ class SpooledRows:
         """Number of rows."""
         return self.spool.size // self.width
 
-    def read(self, start: int, stop: int) -> dict[str, FloatArray]:
+    def read(self, start: int, stop: int) -> dict[str, Array]:
         """Rows start … stop of every kind of signal."""
         rows = self.spool.read(start * self.width, (stop - start) * self.width)
         table = rows.reshape(-1, self.width)

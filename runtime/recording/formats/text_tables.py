@@ -16,17 +16,10 @@ from dataclasses import dataclass
 from itertools import chain, islice
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
-from runtime.recording.formats.tables import (
-    EXPANSION,
-    MAX_CORRUPT,
-    SLACK,
-    Columns,
-    FloatArray,
-    LogTable,
-)
+from runtime.library import Array, Integers
+from runtime.recording.formats.tables import EXPANSION, MAX_CORRUPT, SLACK, Columns, LogTable
 
 SHOWN = 60
 """Largest number of characters of a line in a message."""
@@ -55,8 +48,8 @@ class RowForm:
 class RowBlock:
     """Rows of some lines."""
 
-    values: FloatArray  # (N, m) numbers; a corrupt row is NaN
-    lines: NDArray[np.int64]  # (N,) line of the file of each row
+    values: Array  # (N, m) numbers; a corrupt row is NaN
+    lines: Integers  # (N,) line of the file of each row
     widths: Counter[int]  # number of rows by number of cells
     repeated: int  # number of repeated headers
     count: int  # number of lines, with those that are no rows
@@ -275,7 +268,7 @@ def row_blocks(
             yield block
 
 
-def plain_rows(text: str, form: RowForm) -> FloatArray | None:
+def plain_rows(text: str, form: RowForm) -> Array | None:
     """Chosen columns of a text in which each line is a row of numbers; None for any other."""
     separator, width = form.separator, form.width
     if separator is None or "_" in text:  # float reads 1_0 as 10
@@ -292,7 +285,7 @@ def plain_rows(text: str, form: RowForm) -> FloatArray | None:
     return _by_numpy(lines(), separator, form.picks)
 
 
-def plain_numbers(text: str) -> FloatArray | None:
+def plain_numbers(text: str) -> Array | None:
     """Numbers of a text with one in each line; None for any other."""
     numbers = None if text.isspace() else _by_numpy(lines_of(text), ",", None)
     count = sum(len(piece.splitlines()) for piece in _pieces(text, 0, PIECE))
@@ -300,16 +293,14 @@ def plain_numbers(text: str) -> FloatArray | None:
     return None if numbers is None or numbers.shape != (count, 1) else numbers[:, 0]
 
 
-def _by_numpy(
-    lines: Iterator[str], separator: str, picks: Sequence[int] | None
-) -> FloatArray | None:
+def _by_numpy(lines: Iterator[str], separator: str, picks: Sequence[int] | None) -> Array | None:
     try:
         return np.loadtxt(lines, comments=None, delimiter=separator, usecols=picks, ndmin=2)
     except ValueError:
         return None
 
 
-def _by_pyarrow(text: str, separator: str, form: RowForm) -> FloatArray | None:
+def _by_pyarrow(text: str, separator: str, form: RowForm) -> Array | None:
     """The same with a thread per core, in a quarter of the time; None where not installed."""
     try:
         import pyarrow as pa
@@ -360,7 +351,7 @@ def _single_lines(text: str, line: int, form: RowForm) -> RowBlock:
     return RowBlock(values, np.array(numbers, dtype=np.int64), widths, repeated, count)
 
 
-def flat_numbers(text: str, start: int, sizes: Sequence[int]) -> FloatArray:
+def flat_numbers(text: str, start: int, sizes: Sequence[int]) -> Array:
     """Numbers of a text with one per line."""
     parts = []
     for piece in _pieces(text, start, sizes[0]):

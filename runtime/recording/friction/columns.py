@@ -21,10 +21,10 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from runtime.errors import RecordingError
-from runtime.library import Library
+from runtime.library import Array, Library
 from runtime.recording.friction.coupled_motors import directions
 from runtime.recording.settings import (
     JOINT_COULOMB,
@@ -35,13 +35,11 @@ from runtime.recording.settings import (
     JointMotion,
 )
 
-FloatArray = NDArray[np.float64]
-
 _BLOCK = 64
 """Samples of one block; all blocks are stepped through side by side."""
 
 
-def dahl_state(q: FloatArray, stroke: ArrayLike) -> FloatArray:
+def dahl_state(q: Array, stroke: ArrayLike) -> Array:
     """ζ (N, n) of a path q (N, n), first 0: ζ ← s + (ζ − s) exp(−|Δq| / z_c), exact per step."""
     step = np.diff(q, axis=0)
     count, n = step.shape
@@ -61,24 +59,24 @@ def dahl_state(q: FloatArray, stroke: ArrayLike) -> FloatArray:
     return np.concatenate([np.zeros((1, n)), zeta])
 
 
-def _sign(motion: JointMotion, terms: Friction) -> FloatArray:
+def _sign(motion: JointMotion, terms: Friction) -> Array:
     speed = motion.dq / terms.coulomb_speed
     return np.tanh(speed, out=speed)
 
 
-def _load(motion: JointMotion, terms: Friction) -> FloatArray:
+def _load(motion: JointMotion, terms: Friction) -> Array:
     if motion.q is None or motion.lib is None:
         raise RecordingError("the friction column 'load' needs q and the library of the robot")
     return gravity_load(motion.lib, motion.q) * _sign(motion, terms)
 
 
-def gravity_load(lib: Library, q: FloatArray) -> FloatArray:
+def gravity_load(lib: Library, q: Array) -> Array:
     """Size of the gravity torque |τ_g(q)| by the URDF, (N, n) [N·m, N]."""
     still = np.zeros_like(q)
     return np.abs(lib.inverse_dynamics(q, still, still, lib.pi0))
 
 
-def _position(motion: JointMotion, terms: Friction) -> FloatArray:
+def _position(motion: JointMotion, terms: Friction) -> Array:
     """Dry friction of a linkage, whose transmission ratio changes with the position."""
     if motion.q is None or motion.lib is None:
         raise RecordingError("the friction column 'position' needs q and the library of the robot")
@@ -91,13 +89,13 @@ def _position(motion: JointMotion, terms: Friction) -> FloatArray:
     return np.asarray(place * dry(motion, terms))
 
 
-def _rotor(motion: JointMotion, _: Friction) -> FloatArray:
+def _rotor(motion: JointMotion, _: Friction) -> Array:
     if motion.ddq is None:
         return np.zeros_like(motion.dq)  # `renewed_rotor` follows once ddq is there
     return motion.ddq
 
 
-def _dahl(motion: JointMotion, terms: Friction) -> FloatArray:
+def _dahl(motion: JointMotion, terms: Friction) -> Array:
     if motion.zeta is not None:
         return motion.zeta
     if motion.q is None or len(motion.q) < 2:
@@ -108,7 +106,7 @@ def _dahl(motion: JointMotion, terms: Friction) -> FloatArray:
     return dahl_state(motion.q, terms.dahl_stroke)
 
 
-def _coulomb_secant(speed: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
+def _coulomb_secant(speed: Array, width: float) -> tuple[Array, Array]:
     slow = np.abs(speed) < 1e-3 * width  # there tanh(v/ε)/v is 1/ε to rounding
     quotient = np.tanh(speed / width) / np.where(slow, 1.0, speed)
     return np.where(slow, 1 / width, quotient), np.zeros_like(speed)
@@ -192,7 +190,7 @@ def _of_motors(column: FrictionColumn, sentence: str) -> FrictionColumn:
     """The column of the motion R̂ dq, R̂ ddq of the motors that drive several joints."""
     name = f"motor_{column.name}"
 
-    def function(motion: JointMotion, terms: Friction) -> FloatArray:
+    def function(motion: JointMotion, terms: Friction) -> Array:
         n = motion.dq.shape[-1]
         if len(terms.gear) != n:
             raise RecordingError(
@@ -229,7 +227,7 @@ def spring_names(lib: Library) -> tuple[str, ...]:
     return tuple(f"{SPRING}{name}" for name in lib.manifest.springs)
 
 
-def _spring_torque(spring: str, motion: JointMotion, _: Friction) -> FloatArray:
+def _spring_torque(spring: str, motion: JointMotion, _: Friction) -> Array:
     if motion.q is None or motion.lib is None:
         raise RecordingError(
             f"the column 'spring:{spring}' needs q and the library of the robot; give lib"
@@ -261,7 +259,7 @@ def dependent_joint_column(name: str) -> FrictionColumn:
 
 def _dependent_torque(
     name: str, joint: str, is_dry: bool, motion: JointMotion, terms: Friction
-) -> FloatArray:
+) -> Array:
     lib = motion.lib
     if motion.q is None or lib is None:
         raise RecordingError(f"the column '{name}' needs q and the library of the robot; give lib")

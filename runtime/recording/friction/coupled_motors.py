@@ -10,17 +10,15 @@ columns are zero. Source: Gautier 1997 (coupled wrists), Khalil & Dombre 2002, S
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from runtime.errors import RecordingError
-from runtime.library import Library
+from runtime.library import Array, Library
 from runtime.recording.recording import Recording
 from runtime.recording.settings import COLUMNS, Friction
 
-FloatArray = NDArray[np.float64]
 
-
-def directions(gear: ArrayLike) -> FloatArray:
+def directions(gear: ArrayLike) -> Array:
     """R̂ (n, n): rows of the gear matrix over their largest entry; 0 for a motor of one joint."""
     R = np.atleast_2d(np.asarray(gear, dtype=np.float64))
     rows = np.zeros_like(R)
@@ -34,20 +32,20 @@ def directions(gear: ArrayLike) -> FloatArray:
 class Coupling:
     """Friction columns that belong to motors, and the joints that these drive."""
 
-    directions: FloatArray  # R̂, (n, n)
+    directions: Array  # R̂, (n, n)
     of_motors: tuple[bool, ...]  # (k,) whether each column belongs to motors
     # (k,) whether each column has one coefficient for all joints, in the first row of φ
     shared: tuple[bool, ...]
     has_one_row: bool = False  # whether all are shared and φ is (1, k): rows that mix joints
 
-    def torque(self, values: FloatArray, phi: FloatArray, column: int) -> FloatArray:
+    def torque(self, values: Array, phi: Array, column: int) -> Array:
         """Torques (…, n) of one column c: R̂ᵀ c φ of motors, c φ_1 of a spring, else c φ."""
         if self.shared[column]:
             return np.asarray(values * phi[0])
         torques = values * phi
         return torques @ self.directions if self.of_motors[column] else np.asarray(torques)
 
-    def sizes(self, rms: FloatArray) -> FloatArray:
+    def sizes(self, rms: Array) -> Array:
         """RMS by coefficient from RMS by joint and column, (n, k): a shared column has one."""
         if self.has_one_row:
             return np.asarray(np.linalg.norm(rms, axis=0, keepdims=True))
@@ -57,7 +55,7 @@ class Coupling:
             sizes[0, c] = np.linalg.norm(rms[:, c])
         return sizes
 
-    def slope(self, columns: FloatArray, weighted: FloatArray) -> FloatArray:
+    def slope(self, columns: Array, weighted: Array) -> Array:
         """Adjoint of `torque`: Σ_N ∂(τ · weighted)/∂φ, (n, k), of columns (N, n, k)."""
         motors = weighted @ self.directions.T
         slope = np.zeros(shape_of(columns, self))
@@ -70,7 +68,7 @@ class Coupling:
         return slope
 
 
-def shape_of(columns: FloatArray, coupling: Coupling | None) -> tuple[int, int]:
+def shape_of(columns: Array, coupling: Coupling | None) -> tuple[int, int]:
     """Shape of φ for columns (…, n, k): (n, k), or (1, k) where rows mix joints."""
     one = coupling is not None and coupling.has_one_row
     return 1 if one else columns.shape[-2], columns.shape[-1]
@@ -134,7 +132,7 @@ def geared(terms: Friction, recording: Recording, lib: Library | None = None) ->
     return replace(terms, gear=tuple(tuple(map(float, row)) for row in rows))
 
 
-def spread(columns: FloatArray, coupling: Coupling | None) -> FloatArray:
+def spread(columns: Array, coupling: Coupling | None) -> Array:
     """Matrix F with F φ = τ_f: the columns for φ joint by joint, or motor by motor.
 
     columns (N, n, k) → (N, n, n k); (N, n, k) where φ has one row.

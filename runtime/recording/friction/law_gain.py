@@ -10,10 +10,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from runtime.recording.settings import FloatArray, FrictionColumn
+from runtime.library import Array
+from runtime.recording.settings import FrictionColumn
 
 
-def _sentences(joints: Sequence[str], g: FloatArray, sigma: FloatArray) -> tuple[str, ...]:
+def _sentences(joints: Sequence[str], g: Array, sigma: Array) -> tuple[str, ...]:
     known = np.isfinite(sigma)
     listed = ", ".join(
         f"{name} {1 + x:.3g}" + (f" ± {s:.2g}" if is_known else "")

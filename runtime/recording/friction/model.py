@@ -18,14 +18,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
-from runtime.library import Library
+from runtime.library import Array, Library, Mask
 from runtime.recording.friction.coupled_motors import Coupling, directions, geared, shape_of
 from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.recording import DERIVED, Recording
-from runtime.recording.settings import COLUMNS, FloatArray, Friction, JointMotion, signals_for
+from runtime.recording.settings import COLUMNS, Friction, JointMotion, signals_for
 
 DRIVE = ("viscous", "coulomb", "offset", "rotor")
 """Names of the columns of one drive."""
@@ -39,7 +38,7 @@ def default_terms(recording: Recording) -> Friction | None:
     return terms
 
 
-def columns(motion: JointMotion, *terms: Friction) -> FloatArray:
+def columns(motion: JointMotion, *terms: Friction) -> Array:
     """Friction columns C of a motion, those of several terms side by side, (N, n, k)."""
     _require_known(terms)
     _require_signals(motion, terms)
@@ -83,7 +82,7 @@ def motion_of(recording: Recording, names: Iterable[str], lib: Library | None) -
     return JointMotion(dq, recording.q, recording.ddq, lib, signals=present)
 
 
-def torque(columns: FloatArray, phi: FloatArray, coupling: Coupling | None = None) -> FloatArray:
+def torque(columns: Array, phi: Array, coupling: Coupling | None = None) -> Array:
     """Friction torque τ_f = Σ_k C[:, :, k] φ[:, k], (N, n) [N·m, N]; of coupled motors R̂ᵀ C φ."""
     columns, phi = np.asarray(columns), np.asarray(phi)
     shape = shape_of(columns, coupling)
@@ -170,7 +169,7 @@ LEAST = 1e-9
 even for a coefficient of ten."""
 
 
-def unresolved(columns: FloatArray, tau: FloatArray) -> NDArray[np.bool_]:
+def unresolved(columns: Array, tau: Array) -> Mask:
     """Flags (n, k) of columns whose values are rounding beside τ or power; not of zero columns."""
     if not columns.size:
         return np.zeros(columns.shape[1:], dtype=bool)
@@ -182,16 +181,14 @@ def unresolved(columns: FloatArray, tau: FloatArray) -> NDArray[np.bool_]:
     return np.asarray((size > 0) & (size < least))
 
 
-def without_columns(recording: Recording, left_out: NDArray[np.bool_]) -> Recording:
+def without_columns(recording: Recording, left_out: Mask) -> Recording:
     """The recording with the friction columns of flags (n, k) set to zero."""
     if recording.columns is None or not left_out.any():
         return recording
     return recording.replace(columns=np.where(left_out, 0.0, recording.columns))
 
 
-def left_out_note(
-    left_out: NDArray[np.bool_], joints: Sequence[str], names: Sequence[str]
-) -> tuple[str, ...]:
+def left_out_note(left_out: Mask, joints: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
     """Sentence that names the columns left out, by flags (n, k); none where there are none."""
     parts = [
         f"{name} of {', '.join(np.array(joints)[left_out[:, k]])}"

@@ -14,9 +14,10 @@ from types import ModuleType
 import numpy as np
 
 from runtime.errors import RecordingError
+from runtime.library import Array
 from runtime.recording import Preparation, Recording
 from runtime.recording.preprocessing.segments import segments, uniform_step, without_short
-from runtime.recording.recording import ALL, FloatArray
+from runtime.recording.recording import ALL
 
 FILTERED = ("Low-passed", "Averaged", "Smoothed")
 """First words of the sentences that these filters add to the history."""
@@ -38,7 +39,7 @@ def scipy_signal() -> ModuleType:
 class Butterworth:
     """A low-pass for one clock."""
 
-    sections: FloatArray  # second-order sections
+    sections: Array  # second-order sections
     padding: int  # rows of odd extension: ten time constants of the slowest pole
     minimum: int  # rows of the shortest segment
 
@@ -51,7 +52,7 @@ def is_filtered(history: Iterable[str]) -> bool:
     )
 
 
-def butterworth_sections(order: int, cutoff: float) -> FloatArray:
+def butterworth_sections(order: int, cutoff: float) -> Array:
     """Second-order sections (s, 6) of a low-pass; the cut-off is relative to half the rate."""
     return _designed(order, cutoff).copy()  # SciPy filters with writable ones only
 
@@ -72,7 +73,7 @@ def low_pass(
     design = _butterworth(recording, cutoff_hz, order)
     both_directions = scipy_signal().sosfiltfilt
 
-    def smooth(values: FloatArray) -> FloatArray:
+    def smooth(values: Array) -> Array:
         smoothed, padding = np.empty_like(values, order="C"), min(design.padding, len(values) - 1)
         flat, out = (each.reshape(len(values), -1) for each in (values, smoothed))
         width = max(1, AT_ONCE // len(values))
@@ -120,7 +121,7 @@ def filter_inflation(steps: Preparation, rate_hz: float) -> float:
     return max(1.0, rate_hz / (2 * bandwidth))
 
 
-def lagged(recording: Recording, values: FloatArray, cutoff_hz: float) -> FloatArray:
+def lagged(recording: Recording, values: Array, cutoff_hz: float) -> Array:
     """First-order low-pass of signals, from rest at the start of every segment.
 
         H(s) = 1 / (1 + s / (2 π f))
@@ -151,7 +152,7 @@ def moving_average(recording: Recording, window_s: float, only: tuple[str, ...] 
     """Mean over a centred window of an odd number of samples; it narrows at the ends."""
     half = _half_window(recording, window_s, "average")
 
-    def smooth(values: FloatArray) -> FloatArray:
+    def smooth(values: Array) -> Array:
         n = len(values)
         sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
         i = np.arange(n)
@@ -177,13 +178,13 @@ def savitzky_golay(
         )
     step = uniform_step(recording, "fit polynomials")
 
-    def smooth(values: FloatArray, derivative: int = 0) -> FloatArray:
+    def smooth(values: Array, derivative: int = 0) -> Array:
         polynomials = scipy_signal().savgol_filter
         return np.asarray(polynomials(values, width, order, deriv=derivative, delta=step, axis=0))
 
     missing = [key for key in ("dq", "ddq") if key in only and getattr(recording, key) is None]
     recording = without_short(recording, width)
-    derived: dict[str, FloatArray] = {}
+    derived: dict[str, Array] = {}
     for key in missing:
         base, derivative = ("q", 1) if key == "dq" else ("dq", 1)
         if key == "ddq" and "dq" in missing:
@@ -203,7 +204,7 @@ def _half_window(recording: Recording, window_s: float, purpose: str) -> int:
 
 def _per_segment(
     recording: Recording,
-    function: Callable[[FloatArray], FloatArray],
+    function: Callable[[Array], Array],
     minimum: int,
     sentence: str,
     only: tuple[str, ...],

@@ -21,16 +21,16 @@ these is far closer to it than the convention, in the median of the rows.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from runtime.errors import RecordingError
+from runtime.library import Array, Integers, Mask
 from runtime.recording.consistency import unwrap
 from runtime.recording.free_base import Contacts, FreeBaseRecording
 from runtime.recording.friction.model import columns as friction_columns
 from runtime.recording.preprocessing.filters import lagged, low_pass
 from runtime.recording.preprocessing.segments import differentiate, holes, interpolate, resample
-from runtime.recording.recording import FloatArray, Recording
+from runtime.recording.recording import Recording
 from runtime.recording.settings import COLUMNS, Friction, JointMotion
 
 _FAR = 0.1
@@ -43,9 +43,7 @@ _UP = np.array([0.0, 0.0, 9.81])
 """What an accelerometer at rest reads, in axes of the world [m/s²]."""
 
 
-def require_twist(
-    given: FloatArray, expected: FloatArray, turn: FloatArray, t: FloatArray, name: str
-) -> None:
+def require_twist(given: Array, expected: Array, turn: Array, t: Array, name: str) -> None:
     """Refuse a twist (N, 6) in another convention than the expected one."""
     linear, angular = expected[:, :3], expected[:, 3:]
     reordered = "has a quaternion w, x, y, z, expected x, y, z, w; reorder its columns"
@@ -69,7 +67,7 @@ def require_twist(
 
 
 def require_acceleration(
-    given: FloatArray, expected: FloatArray, twist: FloatArray, turn: FloatArray, name: str
+    given: Array, expected: Array, twist: Array, turn: Array, name: str
 ) -> None:
     """Refuse an acceleration in another convention."""
     linear, angular = expected[:, :3], expected[:, 3:]
@@ -97,16 +95,14 @@ def require_acceleration(
 _WORLD = "is in axes of the world, expected those of the base; multiply it by Rᵀ"
 
 
-def _reordered(turn: FloatArray, t: FloatArray) -> FloatArray:
+def _reordered(turn: Array, t: Array) -> Array:
     """Angular velocity of the base if its quaternions w, x, y, z were read as x, y, z, w."""
     right = Rotation.from_quat(Rotation.from_matrix(turn).as_quat()[:, [1, 2, 3, 0]]).as_matrix()
     spin = np.swapaxes(right, 1, 2) @ np.gradient(right, t, axis=0)
     return np.asarray(np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1))
 
 
-def _require(
-    given: FloatArray, expected: FloatArray, others: dict[str, FloatArray], what: str
-) -> None:
+def _require(given: Array, expected: Array, others: dict[str, Array], what: str) -> None:
     far, size = _distance(given, expected), _distance(given, np.zeros_like(given))
     if far <= _FAR * size:
         return
@@ -116,16 +112,15 @@ def _require(
             raise RecordingError(f"{what} {sentence}")
 
 
-def _distance(one: FloatArray, other: FloatArray) -> float:
+def _distance(one: Array, other: Array) -> float:
     """Median over the rows of the length of the difference."""
     return float(np.median(np.linalg.norm(one - other, axis=1)))
 
 
-def _turned(turn: FloatArray, vectors: FloatArray) -> FloatArray:
+def _turned(turn: Array, vectors: Array) -> Array:
     return np.asarray(np.einsum("nij,nj->ni", turn, vectors))
 
 
-BoolArray = NDArray[np.bool_]
 _JITTER = 0.01
 """Deviation of a time step from the median from which the log is resampled, as elsewhere."""
 _GAP_S = 0.1
@@ -138,22 +133,22 @@ _ARRAYS = ("t", "q", "dq", "ddq", "tau", "rotation", "tau_rate", "friction")
 class FreeBaseMotion:
     """Prepared rows: coordinates of the kernels, base first, and what acts on the robot."""
 
-    t: FloatArray  # (N,) s
-    q: FloatArray  # q, dq, ddq: (N, 6 + n), see `runtime.library.free_base`
-    dq: FloatArray
-    ddq: FloatArray
-    tau: FloatArray | None  # (N, n) [N·m, N]; None where torques were not measured
+    t: Array  # (N,) s
+    q: Array  # q, dq, ddq: (N, 6 + n), see `runtime.library.free_base`
+    dq: Array
+    ddq: Array
+    tau: Array | None  # (N, n) [N·m, N]; None where torques were not measured
     contacts: Contacts  # contacts at these instants
-    rotation: FloatArray  # (N, 3, 3) R of the base in the world
+    rotation: Array  # (N, 3, 3) R of the base in the world
     # (N, n) derivative of commanded torques, behind the same low-pass; None for others
-    tau_rate: FloatArray | None = None
+    tau_rate: Array | None = None
     # (N, n, k) friction columns, those that are not linear behind that low-pass, too
-    friction: FloatArray | None = None
+    friction: Array | None = None
 
     def __len__(self) -> int:
         return len(self.t)
 
-    def rows(self, taken: slice | NDArray[np.int64]) -> "FreeBaseMotion":
+    def rows(self, taken: slice | Integers) -> "FreeBaseMotion":
         """Some of the instants."""
         contacts, sensed = self.contacts, self.contacts.sensed
         of_contacts = replace(
@@ -206,7 +201,7 @@ def motion_of(
     motion = motion.take(np.isin(motion.t, whole.t[kept]), "Took the rows with forces.")
     forces, unknown = forces[np.isin(inside, kept)], unknown[kept]
 
-    def of(signals: FloatArray, key: str) -> FloatArray:
+    def of(signals: Array, key: str) -> Array:
         first = 0
         for name, block in blocks.items():
             if name == key:
@@ -255,8 +250,8 @@ def motion_of(
 
 
 def _dry_friction(
-    motion: Recording, blocks: dict[str, FloatArray], joints: int, terms: Friction
-) -> FloatArray:
+    motion: Recording, blocks: dict[str, Array], joints: int, terms: Friction
+) -> Array:
     """Friction columns of a filtered motion that are not linear, (N, n k)."""
     first = sum(blocks[key].shape[1] for key in ("position", "rotation"))
     q = motion.q[:, first : first + joints]
@@ -268,7 +263,7 @@ def _dry_friction(
     return values.reshape(len(motion), joints * len(names))
 
 
-def _friction(filtered: FloatArray, dq: FloatArray, ddq: FloatArray, terms: Friction) -> FloatArray:
+def _friction(filtered: Array, dq: Array, ddq: Array, terms: Friction) -> Array:
     """Friction columns, (N, n, k): linear ones of the filtered motion, others as filtered."""
     motion = JointMotion(dq, ddq=ddq)
     dry = sum(not COLUMNS[name].is_linear for name in terms.columns)
@@ -282,11 +277,11 @@ def _friction(filtered: FloatArray, dq: FloatArray, ddq: FloatArray, terms: Fric
 
 def _signals(
     recording: FreeBaseRecording, places: list[int], delay_s: float
-) -> tuple[dict[str, FloatArray], int]:
+) -> tuple[dict[str, Array], int]:
     """Signals by name, those of the motion first, and the number of columns of these."""
     count = len(recording.t)
     wrench = recording.contacts.wrench.reshape(count, -1)
-    blocks: dict[str, FloatArray] = {
+    blocks: dict[str, Array] = {
         "position": recording.position,
         "rotation": recording.rotation.reshape(count, 9),
         "q": unwrap(recording.q[:, places])[0],
@@ -309,7 +304,7 @@ def _signals(
     return blocks, width
 
 
-def _with_lag(contacts: Contacts, whole: Recording, moved: int, torques: int) -> FloatArray:
+def _with_lag(contacts: Contacts, whole: Recording, moved: int, torques: int) -> Array:
     """Signals with the lag of the contacts' sensors in those that these do not measure."""
     if contacts.cutoff_hz is None:
         return whole.q
@@ -319,7 +314,7 @@ def _with_lag(contacts: Contacts, whole: Recording, moved: int, torques: int) ->
     return signals
 
 
-def _on_uniform_clock(log: Recording, unknown: BoolArray) -> tuple[Recording, BoolArray]:
+def _on_uniform_clock(log: Recording, unknown: Mask) -> tuple[Recording, Mask]:
     """A log on a uniform clock of its own rate, without its gaps, and what is unknown there."""
     steps = np.diff(log.t)
     if np.abs(steps / np.median(steps) - 1).max() <= _JITTER:
@@ -329,7 +324,7 @@ def _on_uniform_clock(log: Recording, unknown: BoolArray) -> tuple[Recording, Bo
     return whole, _unknown_between(log.t, unknown, whole.t)
 
 
-def _unknown_between(t: FloatArray, unknown: BoolArray, grid: FloatArray) -> BoolArray:
+def _unknown_between(t: Array, unknown: Mask, grid: Array) -> Mask:
     """Components that are unknown on a grid: those of either row beside an instant."""
     after = np.searchsorted(t, grid).clip(1, len(t) - 1)
     near = 1e-6 * np.diff(t)[after - 1]
@@ -339,8 +334,8 @@ def _unknown_between(t: FloatArray, unknown: BoolArray, grid: FloatArray) -> Boo
 
 
 def _low_pass_of_forces(
-    t: FloatArray, forces: FloatArray, unknown: BoolArray, cutoff_hz: float
-) -> tuple[FloatArray, NDArray[np.int64]]:
+    t: Array, forces: Array, unknown: Mask, cutoff_hz: float
+) -> tuple[Array, Integers]:
     """Low-pass of torques and wrenches between changes of what is unknown."""
     changed = np.concatenate([[False], (unknown[1:] != unknown[:-1]).any(axis=1)])
     # A clock that stands still for ten steps at every change has a hole there for the filter.
@@ -350,12 +345,8 @@ def _low_pass_of_forces(
 
 
 def _base_rates(
-    rotation: FloatArray,
-    d_rotation: FloatArray,
-    dd_rotation: FloatArray,
-    velocity: FloatArray,
-    acceleration: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
+    rotation: Array, d_rotation: Array, dd_rotation: Array, velocity: Array, acceleration: Array
+) -> tuple[Array, Array]:
     """Twist and its derivative in axes of the base from derivatives in those of the world."""
     back = np.swapaxes(rotation, 1, 2)
     omega = _vee(back @ d_rotation)
@@ -365,7 +356,7 @@ def _base_rates(
     return np.hstack([v, omega]), np.hstack([dv, alpha])
 
 
-def _vee(matrix: FloatArray) -> FloatArray:
+def _vee(matrix: Array) -> Array:
     """Vector of the skew-symmetric part."""
     skew = (matrix - np.swapaxes(matrix, 1, 2)) / 2
     return np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1)

@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from runtime.library import Array
 from runtime.recording import Preparation, Recording, Split
-from runtime.recording.recording import FloatArray
 
 GUARD = 1.0
 """Guard gap times the cut-off of a Butterworth filter: 2.4 time constants of its slowest pole."""
@@ -46,7 +46,7 @@ def split(
     return part("train"), part("validation"), part("test")
 
 
-def rows_between(t: FloatArray, first: float, last: float) -> slice:
+def rows_between(t: Array, first: float, last: float) -> slice:
     """Rows of the part [first, last) of the duration; with last = 1 the last row belongs to it."""
     share = (t - t[0]) / (float(t[-1] - t[0]) or 1.0)
     start, stop = (int(np.searchsorted(share, edge)) for edge in (first, last))

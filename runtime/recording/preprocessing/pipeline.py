@@ -19,12 +19,12 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from runtime.errors import RecordingError
-from runtime.library import Library
+from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.friction.model import add_columns, completed, renewed_rotor
 from runtime.recording.preprocessing import segments as clock
 from runtime.recording.preprocessing.filters import low_pass, moving_average, savitzky_golay
-from runtime.recording.recording import ALL, FloatArray
+from runtime.recording.recording import ALL
 from runtime.recording.settings import COLUMNS
 
 DOCUMENT = Preparation(filter="average", window_s=0.051, rate_hz=100.0)
@@ -39,7 +39,7 @@ def prepare(
     preparation: Preparation | None = None,
     *friction: Friction,
     lib: Library | None = None,
-    rows: FloatArray | None = None,
+    rows: Array | None = None,
 ) -> Recording:
     """Prepare a recording: clock → grid → delay → friction columns → filter → derivative → trim →
     rate.
@@ -95,7 +95,7 @@ def _without_accelerations(
     friction: tuple[Friction, ...],
     lib: Library | None,
     power: bool,
-    rows: FloatArray | None,
+    rows: Array | None,
 ) -> Recording:
     """After clock and grid: `momentum` at the full rate → filter → trim → rate → rest."""
     if lib is None:
@@ -117,7 +117,7 @@ def _without_accelerations(
 
 
 def momentum_torque(
-    recording: Recording, preparation: Preparation, lib: Library, beta: FloatArray
+    recording: Recording, preparation: Preparation, lib: Library, beta: Array
 ) -> Recording:
     """Low-passed torque of a model without accelerations: F (D P − S R) β instead of τ."""
     data = smooth_motion(
@@ -248,7 +248,7 @@ def balanced(
     return taken.replace(**changes)
 
 
-def rows_of(recording: Recording, lib: Library, power: bool) -> Iterator[FloatArray]:
+def rows_of(recording: Recording, lib: Library, power: bool) -> Iterator[Array]:
     """Yield D P − S R, or D E for power, at the inner instants, some columns at a time.
 
     The regressor is evaluated anew for each group of columns, because the whole would exceed the
@@ -267,7 +267,7 @@ def rows_of(recording: Recording, lib: Library, power: bool) -> Iterator[FloatAr
         yield np.concatenate(parts)
 
 
-def torque_of_rows(recording: Recording, lib: Library, beta: FloatArray) -> FloatArray:
+def torque_of_rows(recording: Recording, lib: Library, beta: Array) -> Array:
     """(D P − S R) β at the inner instants, (N, n)."""
     step, torques = 1.0 / recording.rate_hz, []
     for part in clock.segments(recording.t):
@@ -283,9 +283,7 @@ def torque_of_rows(recording: Recording, lib: Library, beta: FloatArray) -> Floa
     return np.concatenate(torques)
 
 
-def _chunk(
-    recording: Recording, part: slice, group: slice, lib: Library, power: bool
-) -> FloatArray:
+def _chunk(recording: Recording, part: slice, group: slice, lib: Library, power: bool) -> Array:
     """Rows of the inner instants of a part without holes."""
     q, dq = recording.q[part], recording.required("dq")[part]
     step = 1.0 / recording.rate_hz
@@ -295,7 +293,7 @@ def _chunk(
     return np.asarray(_difference(momentum, step) - _simpson(force))
 
 
-def _speed(recording: Recording, name: str) -> FloatArray:
+def _speed(recording: Recording, name: str) -> Array:
     """Velocities that belong to a column: of the joints, or of the motors that drive several."""
     dq = recording.required("dq")
     if name in COLUMNS and COLUMNS[name].of_motors and recording.motors is not None:
@@ -303,18 +301,18 @@ def _speed(recording: Recording, name: str) -> FloatArray:
     return dq
 
 
-def _summed(recording: Recording, values: FloatArray) -> FloatArray:
+def _summed(recording: Recording, values: Array) -> Array:
     return np.concatenate([_simpson(values[part]) for part in clock.segments(recording.t)])
 
 
-def _differenced(recording: Recording, values: FloatArray) -> FloatArray:
+def _differenced(recording: Recording, values: Array) -> Array:
     step = 1.0 / recording.rate_hz
     return np.concatenate([_difference(values[part], step) for part in clock.segments(recording.t)])
 
 
-def _simpson(values: FloatArray) -> FloatArray:
+def _simpson(values: Array) -> Array:
     return (values[:-2] + 4.0 * values[1:-1] + values[2:]) / 6.0
 
 
-def _difference(values: FloatArray, step: float) -> FloatArray:
+def _difference(values: Array, step: float) -> Array:
     return (values[2:] - values[:-2]) / (2.0 * step)

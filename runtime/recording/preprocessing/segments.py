@@ -14,12 +14,11 @@ estimate, the logged time decides.
 import itertools
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import i0
 
 from runtime.errors import RecordingError
+from runtime.library import Array, Integers, Mask
 from runtime.recording import Recording
-from runtime.recording.recording import FloatArray
 from runtime.recording.rest_speeds import shown_rest_speed
 
 SLOW = 0.1
@@ -62,9 +61,7 @@ def repair_clock(recording: Recording, tick: float, slow: float = SLOW) -> Recor
     )
 
 
-def _ticks(
-    t: FloatArray, q: FloatArray, dq: FloatArray, tick: float, slow: float
-) -> NDArray[np.int64]:
+def _ticks(t: Array, q: Array, dq: Array, tick: float, slow: float) -> Integers:
     """Whole ticks (N−1,) between rows, at least one each."""
     v = 0.5 * (dq[1:] + dq[:-1])
     square = np.sum(v * v, axis=1)
@@ -84,7 +81,7 @@ HOLE = 1.5
 JITTER = 0.01
 
 
-def holes(t: FloatArray) -> NDArray[np.bool_]:
+def holes(t: Array) -> Mask:
     """Mask (N − 1,) of the steps of t (N,) that are holes."""
     steps = np.diff(t)
     if not steps.size or steps.max() <= HOLE * steps.min():  # nor of their median
@@ -92,12 +89,12 @@ def holes(t: FloatArray) -> NDArray[np.bool_]:
     return np.asarray(steps > HOLE * np.median(steps))
 
 
-def segments(t: FloatArray) -> list[slice]:
+def segments(t: Array) -> list[slice]:
     """Parts of t (N,) without a hole, in order; together they hold every sample."""
     return _between(holes(t))
 
 
-def rate_of(t: FloatArray, values: FloatArray) -> FloatArray:
+def rate_of(t: Array, values: Array) -> Array:
     """Derivative of values (N, n) by t within every part, 0 in parts of one row."""
     rate = np.zeros_like(values)
     for part in segments(t):
@@ -106,7 +103,7 @@ def rate_of(t: FloatArray, values: FloatArray) -> FloatArray:
     return rate
 
 
-def runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def runs(mask: Mask) -> list[tuple[int, int]]:
     """Runs of True as (first, one past the last)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
@@ -159,7 +156,7 @@ def differentiate(recording: Recording, from_position: bool = False) -> Recordin
     return result
 
 
-def slopes(t: FloatArray, values: FloatArray) -> FloatArray:
+def slopes(t: Array, values: Array) -> Array:
     """Derivative (N, m) by the parabola through three neighbours, at an edge shifted inwards."""
     hole = holes(t)
     centre = np.arange(len(t))
@@ -206,7 +203,7 @@ def resample(recording: Recording, rate_hz: float, max_gap_s: float) -> Recordin
     if not grid.size:
         raise RecordingError(f"no grid point of {rate_hz:g} Hz lies in the data; raise the rate")
 
-    def interpolated(values: FloatArray) -> FloatArray:
+    def interpolated(values: Array) -> Array:
         flat = values.reshape(len(t), -1)
         pieces = [
             np.stack([np.interp(points, t[part], column[part]) for column in flat.T], axis=1)
@@ -219,7 +216,7 @@ def resample(recording: Recording, rate_hz: float, max_gap_s: float) -> Recordin
     return recording.mapped(interpolated, sentence, t=grid)
 
 
-def _is_grid(t: FloatArray, rate_hz: float) -> bool:
+def _is_grid(t: Array, rate_hz: float) -> bool:
     """Whether t is uniform and of this rate, to the rounding of t and of one step."""
     if len(t) < 2:
         return False
@@ -316,7 +313,7 @@ def decimate(recording: Recording, rate_hz: float) -> Recording:
     )
 
 
-def _between(hole: NDArray[np.bool_]) -> list[slice]:
+def _between(hole: Mask) -> list[slice]:
     """Parts between the holes of N − 1 steps."""
     edges = [0, *map(int, np.flatnonzero(hole) + 1), len(hole) + 1]
     return [slice(a, b) for a, b in itertools.pairwise(edges)]
@@ -331,7 +328,7 @@ SHAPE = 6.0
 """Parameter of the Kaiser window: keeps the power of noise up to 0.8 of Nyquist's to 0.1 %."""
 
 
-def interpolate(at: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:
+def interpolate(at: Array, t: Array, values: Array) -> Array:
     """Signals at other times, by a windowed sinc over the rows around them.
 
     Of a uniform clock and a common delay all instants lie equally between two rows, so that they

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from runtime.estimators.regression.samples import Samples
-from runtime.experiments.runner import RESULT, Request, _clear
-from runtime.experiments.storage import _numbers, _pairs
+from runtime.experiments.runner import Request, _clear
+from runtime.experiments.storage import RESULT, _numbers, _pairs
 from runtime.experiments.studies import logs, methods, model, monte_carlo
 from runtime.experiments.trials import scorer_of, sinusoidal, stream
 from runtime.library import Library

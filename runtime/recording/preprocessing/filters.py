@@ -58,7 +58,7 @@ def butterworth_sections(order: int, cutoff: float) -> Array:
 
 
 @functools.lru_cache(maxsize=256)
-def _designed(order: int, cutoff: float) -> FloatArray:
+def _designed(order: int, cutoff: float) -> Array:
     """The same, of which a choice of the cut-off needs a few designs many times."""
     return np.asarray(scipy_signal().butter(order, cutoff, output="sos"))
 

@@ -18,11 +18,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment, nnls
 
 from runtime.estimators.regression.samples import Samples
-from runtime.library import Array, Library
+from runtime.library import Array, Integers, Library
 from runtime.recording.rest_speeds import rest_speeds
 
 ROWS = 400
@@ -183,7 +182,7 @@ class _Table:
             named.append(ColumnFault(fault.kind, fault.joints, fault.order, gain))
         return named
 
-    def _candidates(self, tested: NDArray[np.int64]) -> Iterator[ColumnFault]:
+    def _candidates(self, tested: Integers) -> Iterator[ColumnFault]:
         n = self.samples.equations
         still = tuple(range(n))
         for j in tested:
@@ -205,7 +204,7 @@ class _Table:
         if self.lib.gravity.any():
             yield ColumnFault(GRAVITY, loaded, still)
 
-    def _best_order(self, tested: NDArray[np.int64]) -> tuple[int, ...]:
+    def _best_order(self, tested: Integers) -> tuple[int, ...]:
         """Order of the columns of τ with the least Σ ln ρ."""
         model, n = self.model(), self.samples.equations
         cost = np.zeros((n, n))  # (joint, column)

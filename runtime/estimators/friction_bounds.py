@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.posterior import posterior_of
-from runtime.library import Array
+from runtime.library import Array, Mask
 from runtime.recording.settings import names_where
 
 MOST = 10.0
@@ -63,7 +62,7 @@ class Bounds:
 class Held:
     """Coefficients that ended at a bound."""
 
-    flags: NDArray[np.bool_]  # which, (n k,)
+    flags: Mask  # which, (n k,)
     free: Array  # φ of the solution without bounds, (n k,)
     phi: Array  # φ within the bounds, (n k,)
     # |φ| of the solution without bounds times the length of the part of its column that no other
@@ -140,7 +139,7 @@ def notes_of(
     share = MOST * np.abs(held.free) / np.where(bounds.upper > 0, bounds.upper, 1.0)
     is_zero = held.flags & (held.phi == 0)
 
-    def listed(flags: NDArray[np.bool_]) -> str:
+    def listed(flags: Mask) -> str:
         return ", ".join(f"{at[i]} ({held.free[i]:.3g} unbounded)" for i in np.flatnonzero(flags))
 
     is_large = (share > NEGATIVE) & (held.evidence > EVIDENCE)
@@ -171,7 +170,7 @@ def negative_share(columns: Array, tau: Array, phi: Array, names: Sequence[str])
     return np.where(wrong, share, 0.0)
 
 
-def _evidence(statistics: Statistics, first: Array, held: NDArray[np.bool_]) -> Array:
+def _evidence(statistics: Statistics, first: Array, held: Mask) -> Array:
     """Residual that each held column alone removes, relative to that of the solution `first`."""
     residual = statistics.factor @ first - statistics.target
     size = np.sqrt(residual @ residual + statistics.rest)
@@ -181,7 +180,7 @@ def _evidence(statistics: Statistics, first: Array, held: NDArray[np.bool_]) -> 
     return np.where(held, evidence, 0.0)
 
 
-def _nonnegative(names: Sequence[str], shape: tuple[int, ...]) -> NDArray[np.bool_]:
+def _nonnegative(names: Sequence[str], shape: tuple[int, ...]) -> Mask:
     """Flag of every coefficient that cannot be negative, (n k,)."""
     known = names_where(lambda column: column.is_nonnegative)
     flags = [name.split(OF)[0] in known for name in names] or [False] * shape[1]

@@ -12,14 +12,13 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.estimators.optimizers import Trace
 from runtime.estimators.regression.coloured_noise import ColouredNoise
 from runtime.estimators.regression.factor import Statistics, compress_all
 from runtime.estimators.regression.samples import Samples
-from runtime.library import Array, Library
+from runtime.library import Array, Library, Mask
 from runtime.library.parameters import lam_from_parts, lam_parts, links, mass
 from runtime.recording import Friction, Recording
 
@@ -88,7 +87,7 @@ class Problem:
     # names of the k columns of the samples; those of several logs have an offset column per log
     # beyond `terms`
     column_names: tuple[str, ...] = ()
-    left_out: NDArray[np.bool_] | None = None
+    left_out: Mask | None = None
     friction_prior: FrictionPrior | None = None  # of φ, for map
     # least noise of the rows, for map; None where the residuals show the noise
     noise_floor: NoiseFloor | None = None

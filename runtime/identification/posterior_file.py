@@ -21,7 +21,6 @@ from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
 from runtime.common.files import replacing, require_file
 from runtime.errors import IdentificationError, RecordingError
@@ -34,7 +33,7 @@ from runtime.identification.identified import Identification
 from runtime.identification.result_record import FrictionPart, plain
 from runtime.identification.saved_result import SavedResult
 from runtime.identification.statistics_file import Positive, StoredStatistics
-from runtime.library import Array, Library
+from runtime.library import Array, Library, Mask
 from runtime.recording.formats.npz import open_npz, record_from_arrays
 from runtime.recording.settings import SPRING, names_where
 
@@ -242,6 +241,6 @@ def spring_lines(friction: FrictionPart | None) -> list[str]:
     return lines
 
 
-def determined(columns: Array) -> NDArray[np.bool_]:
+def determined(columns: Array) -> Mask:
     """Whether each column (rows, m) is neither zero nor in a combination that is zero, (m,)."""
     return columns.any(axis=0) & np.isfinite(posterior_of(columns).sigma)

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import METHODS, chosen_method
@@ -27,7 +26,7 @@ from runtime.identification.settings import (
     shares_of,
     terms_of,
 )
-from runtime.library import Array, Library
+from runtime.library import Array, Library, Mask
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.consistency import require_plausible
 from runtime.recording.coupled_joints import independent_joints
@@ -254,7 +253,7 @@ def _aligned(
     lib: Library,
     steps: Preparation,
     prepared: Callable[[Recording, Preparation], Recording],
-    rounding: NDArray[np.bool_],
+    rounding: Mask,
 ) -> Callable[[Recording], Samples]:
     """Map from a recording of the same clock, prepared alike, to samples at the rows of `part`."""
     usual = replace(steps, rest_speed=None)

@@ -21,7 +21,6 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from runtime.common.threads import one_blas_thread
@@ -33,7 +32,7 @@ from runtime.estimators.regression.posterior import ROUNDING, least_squares, pos
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification.current_gains import channels_of, of_gain_one
 from runtime.identification.payload.body import KnownPayload, Mount, mount_of, pi_of_body
-from runtime.library import Array, Library, require_library
+from runtime.library import Array, Library, Mask, require_library
 from runtime.library.parameters import INERTIA
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.consistency import require_plausible
@@ -273,7 +272,7 @@ def _reading(run: Recording) -> tuple[object, ...]:
     return (run.recipe.gear, *scaling)
 
 
-Claims = NDArray[np.bool_]
+Claims = Mask
 LARGEST_SIGMA = 0.1
 """Relative σ above which a gain counts as not determined."""
 _CLEAR = 3.0

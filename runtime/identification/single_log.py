@@ -29,7 +29,6 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError, RuntimeFault
@@ -48,7 +47,7 @@ from runtime.identification.long_logs import assemble_streamed
 from runtime.identification.problem_setup import NO_MASSES, Assembly, assemble, settings_for
 from runtime.identification.settings import Progress, Settings, bare_settings, progress_of
 from runtime.identification.several_logs import NamedLog, assemble_logs
-from runtime.library import Array, Library
+from runtime.library import Array, Library, Mask
 from runtime.recording import Friction, Recording
 from runtime.recording.preprocessing.filters import filter_inflation
 from runtime.recording.settings import COLUMNS
@@ -61,7 +60,7 @@ LEAST = 0.05
 """Smallest 1 + g by which h is divided."""
 
 
-def is_torque(names: Iterable[str]) -> NDArray[np.bool_]:
+def is_torque(names: Iterable[str]) -> Mask:
     """Whether each of some columns is the torque itself, (k,)."""
     return np.array([name in COLUMNS and COLUMNS[name].is_torque for name in names], dtype=bool)
 
@@ -105,7 +104,7 @@ def with_modelled_torque(assembly: Assembly, fit: Callable[[Problem], Fit]) -> A
 
 
 def _replaced(
-    assembly: Assembly, flags: NDArray[np.bool_], torque: Callable[[Samples], Array], gain: Array
+    assembly: Assembly, flags: Mask, torque: Callable[[Samples], Array], gain: Array
 ) -> Assembly:
     """The assembly with −h in the columns of the torque, and the rows of its problem scaled."""
     problem = assembly.problem

@@ -10,11 +10,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.identification.identified import Identification
 from runtime.identification.saved_result import SavedResult
-from runtime.library import Array, Library
+from runtime.library import Array, Library, Mask
 from runtime.recording import Friction, Preparation
 from runtime.recording.friction.coupled_motors import Coupling, coupling_of_terms, spread
 from runtime.recording.friction.model import columns as friction_columns
@@ -44,12 +43,12 @@ class MonitoredModel:
         """Delay of τ behind q in the log, the mean of the joints' [s]."""
         return float(np.mean(self.preparation.torque_delay_s or 0.0))
 
-    def _are(self, is_such: Callable[[FrictionColumn], bool]) -> NDArray[np.bool_]:
+    def _are(self, is_such: Callable[[FrictionColumn], bool]) -> Mask:
         """Whether each friction column is of a kind, (k,)."""
         return np.array([is_such(COLUMNS[name]) for name in self.terms.columns], dtype=bool)
 
     @property
-    def inertial(self) -> NDArray[np.bool_]:
+    def inertial(self) -> Mask:
         """Whether each friction column is an inertia, (k,)."""
         return self._are(lambda column: column.is_inertial)
 
@@ -123,7 +122,7 @@ class MonitoredModel:
         return np.stack([np.ones_like(q), *parts], axis=2)
 
     @property
-    def memory(self) -> NDArray[np.bool_]:
+    def memory(self) -> Mask:
         """Whether each friction column has a memory, (k,)."""
         lasts = self._are(lambda column: column.has_memory)
         return (lasts | self._are(lambda column: column.takes_memory)) & lasts.any()
@@ -143,7 +142,7 @@ class MonitoredModel:
         dry = self._are(lambda c: c.model_term == "friction" and not c.has_memory)
         return np.asarray(np.abs(self.phi[:, dry]).sum(axis=1))
 
-    def is_slow(self, dq: Array) -> NDArray[np.bool_]:
+    def is_slow(self, dq: Array) -> Mask:
         """Joints so slow that the smooth sign of dq does not give the direction of friction."""
         slow = np.abs(dq) < SLOW * self.terms.coulomb_speed
         return np.asarray(slow & (self.dry_friction > 0))

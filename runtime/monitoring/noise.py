@@ -27,14 +27,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import dct, idct
 from scipy.special import ndtr
 
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.regression.samples import Samples
 from runtime.identification.statistics_file import read_predictions
-from runtime.library import Array
+from runtime.library import Array, Mask
 from runtime.monitoring.model import MonitoredModel
 from runtime.monitoring.observer import ObserverSettings
 from runtime.recording.preprocessing.filters import scipy_signal
@@ -70,7 +69,7 @@ class HeldOutResidual:
 
     t: Array  # (N,) with holes [s]
     rest: Array  # τ − τ̂, (N, n) [N·m, N]
-    is_used: NDArray[np.bool_]  # (N, n), False next to reversals of a joint
+    is_used: Mask  # (N, n), False next to reversals of a joint
     limit_hz: float  # frequency up to which it counts
 
 
@@ -134,7 +133,7 @@ def read_test_rows(result: Path, model: MonitoredModel) -> tuple[Array, Samples]
     return t, Samples(q, dq, ddq, tau, columns, coupling=model.coupling)
 
 
-def _is_unknown(t: Array, dq: Array, model: MonitoredModel) -> NDArray[np.bool_]:
+def _is_unknown(t: Array, dq: Array, model: MonitoredModel) -> Mask:
     """Instants at which the state of friction with a memory is not known yet, (N, n)."""
     travel = np.zeros_like(dq)
     for part in segments(t):
@@ -143,7 +142,7 @@ def _is_unknown(t: Array, dq: Array, model: MonitoredModel) -> NDArray[np.bool_]
     return model.unknown_state(travel) > UNKNOWN * model.lasting_friction
 
 
-def near(t: Array, event: NDArray[np.bool_], before_s: float, after_s: float) -> NDArray[np.bool_]:
+def near(t: Array, event: Mask, before_s: float, after_s: float) -> Mask:
     """Instants around those of an event.
 
     t (N,) [s], event (N, n) → (N, n).

@@ -32,10 +32,9 @@ bias: no contact is found in them.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
-from runtime.library import Array, Library
+from runtime.library import Array, Library, Mask
 from runtime.monitoring.model import CHUNK, SLOW, MonitoredModel
 from runtime.monitoring.model import Signals as FurtherSignals
 from runtime.monitoring.noise import (
@@ -170,7 +169,7 @@ class Detector:
     root: Array | None  # root of the covariance of [β; φ], (p, columns); None where it is not known
     share: Array | float = 1.0  # w of dry friction and timing in the thresholds, (n,)
     # (n,) whether r is the direct torque
-    is_direct: NDArray[np.bool_] | bool = False
+    is_direct: Mask | bool = False
 
     @property
     def thresholds(self) -> Array:

@@ -27,7 +27,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from runtime.common.threads import one_blas_thread
@@ -45,7 +44,7 @@ from runtime.estimators.regression.factor import Statistics, compress
 from runtime.estimators.regression.recorded_delay import minimum_on_grid
 from runtime.estimators.regression.samples import Samples, inflation, samples_of, thesis_weights
 from runtime.estimators.robust import explicit, weights_of_rows
-from runtime.library import Array, Library, require_library
+from runtime.library import Array, Library, Mask, require_library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.friction.columns import (
@@ -281,7 +280,7 @@ class ColumnSolver:
     gram: Array  # G, (p, p)
     lengths: Array  # of the columns, one for a column of zeros, (p,)
 
-    def solution(self, left_out: NDArray[np.bool_]) -> Array:
+    def solution(self, left_out: Mask) -> Array:
         """x = argmin ‖R x − r‖² of least length, (p,), with some entries of φ zero, (n k,)."""
         s = self.statistics
         kept = np.concatenate([np.ones(s.n_base, dtype=bool), ~left_out])

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.estimators.friction_bounds import bounds_of, notes_of, within_bounds
@@ -21,7 +20,7 @@ from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.factor import Statistics, compress_all
 from runtime.estimators.regression.posterior import posterior_of
 from runtime.estimators.regression.samples import Samples
-from runtime.library import Array, Library
+from runtime.library import Array, Library, Mask
 from runtime.library.parameters import links, mass
 from runtime.recording.settings import COLUMNS, FrictionColumn
 
@@ -68,7 +67,7 @@ def bounded(problem: Problem, statistics: Statistics) -> tuple[Solution, tuple[s
     return replace(solution, phi=phi.reshape(lib.n_joints, -1)), notes
 
 
-def _zero_columns(problem: Problem, is_column: NDArray[np.bool_]) -> tuple[str, ...]:
+def _zero_columns(problem: Problem, is_column: Mask) -> tuple[str, ...]:
     """Sentence on columns without an effect; those of rotors, motors and springs may be zero."""
     names = problem.friction_names
     zero = ~is_column if problem.left_out is None else ~is_column & ~problem.left_out
@@ -85,10 +84,7 @@ def _zero_columns(problem: Problem, is_column: NDArray[np.bool_]) -> tuple[str, 
 
 
 def solve(
-    statistics: Statistics,
-    lib: Library,
-    terms: tuple[str, ...] = (),
-    known: NDArray[np.bool_] | None = None,
+    statistics: Statistics, lib: Library, terms: tuple[str, ...] = (), known: Mask | None = None
 ) -> Solution:
     """Solve compressed samples by least squares with normalised columns."""
     shown = np.ones(statistics.factor.shape[1], dtype=bool)
@@ -115,9 +111,7 @@ def solve(
     return Solution(beta, phi.reshape(lib.n_joints, -1), float(fit.sizes[0] / fit.sizes[-1]))
 
 
-def counted_in_links(
-    statistics: Statistics, lib: Library, terms: tuple[str, ...]
-) -> NDArray[np.bool_]:
+def counted_in_links(statistics: Statistics, lib: Library, terms: tuple[str, ...]) -> Mask:
     """Columns of rotors, coupled motors and springs that base parameters explain as well.
 
     On the first joint of an arm above all, a link acts as the rotor does, and a method without a
@@ -194,7 +188,7 @@ def reweighted(
     lib: Library,
     pieces: Callable[[], Iterable[Samples]],
     terms: tuple[str, ...],
-    known: NDArray[np.bool_] | None,
+    known: Mask | None,
     passes: int = PASSES,
 ) -> tuple[Solution, Array, str]:
     """Solve by iteratively reweighted least squares: known (n k,) → (n,)."""

@@ -18,14 +18,13 @@ from dataclasses import dataclass, replace
 from itertools import chain, islice
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import qr, solve_triangular
 
 from runtime.common.threads import computed_ahead, cores
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.posterior import ROUNDING, least_squares
 from runtime.estimators.regression.samples import THESIS_SIGMA, Samples
-from runtime.library import Array, Library
+from runtime.library import Array, Integers, Library, Mask
 from runtime.recording.friction.model import torque as friction_torque
 
 EXPLAINED = 1e-9
@@ -70,7 +69,7 @@ class Statistics:
         lengths = np.where(lengths > 0, lengths, 1.0)
         return self.factor / lengths, lengths
 
-    def explained(self) -> NDArray[np.bool_]:
+    def explained(self) -> Mask:
         """Columns of φ that base parameters explain, zero columns included, (n k,)."""
         matrix, _ = self.unit_columns()
         _, rest = least_squares(matrix[:, : self.n_base], matrix[:, self.n_base :])
@@ -85,12 +84,12 @@ class Statistics:
         sigma = np.linalg.svd(self.unit_columns()[0][:, kept], compute_uv=False)
         return float(sigma[0] / sigma[-1]) if sigma[-1] > 1e-14 * sigma[0] else None
 
-    def without(self, columns: NDArray[np.bool_]) -> "Statistics":
+    def without(self, columns: Mask) -> "Statistics":
         """Statistics with some columns of φ, (n k,), set to zero."""
         kept = np.concatenate([np.ones(self.n_base, dtype=bool), ~columns])
         return replace(self, factor=np.where(kept, self.factor, 0.0))
 
-    def holding(self, held: NDArray[np.bool_], values: Array) -> "Statistics":
+    def holding(self, held: Mask, values: Array) -> "Statistics":
         """Statistics in which some entries of φ, (n k,), are fixed at given values."""
         columns = self.factor[:, self.n_base :]
         shifted = replace(self, target=self.target - columns[:, held] @ values[held])
@@ -206,9 +205,7 @@ class TorqueObjective:
         """
         return np.concatenate([lam, (phi / self.unit).ravel()])
 
-    def value_gradient(
-        self, x: Array, rows: NDArray[np.int64] | None = None
-    ) -> tuple[float, Array]:
+    def value_gradient(self, x: Array, rows: Integers | None = None) -> tuple[float, Array]:
         """Loss and gradient.
 
         Args:

@@ -29,7 +29,6 @@ approximation, MacKay 2003, Ch. 27). Columns of π are in units of its prior.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from runtime.estimators.convex.entropic_prior import bodies_of
@@ -44,7 +43,7 @@ from runtime.estimators.regression.recorded_delay import sign_of_delay
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification.drive.result import BIAS_PRIOR, DriveRequest
 from runtime.identification.identified import Identification
-from runtime.library import Array, Library
+from runtime.library import Array, Integers, Library
 from runtime.recording import Friction
 from runtime.recording.friction.model import columns
 from runtime.recording.preprocessing.segments import rate_of, segments
@@ -198,7 +197,7 @@ def _widening(result: Identification, fit: FreeFit, of_x: Array, density: float)
     return np.sqrt((np.maximum(spread, density) + among) / density)
 
 
-def _taken(count: int, rough: bool) -> NDArray[np.int64]:
+def _taken(count: int, rough: bool) -> Integers:
     """Evenly spread rows for a rough step, else all rows, or contiguous stretches of a long log."""
     if rough:
         return np.arange(0, count, max(1, count // ROUGH_ROWS))
@@ -286,7 +285,7 @@ def response(
 
 
 def _rows(
-    result: Identification, samples: Samples, taken: NDArray[np.int64], request: DriveRequest
+    result: Identification, samples: Samples, taken: Integers, request: DriveRequest
 ) -> Array:
     """Columns of links, friction and delay at some rows, (N, n, p)."""
     part = samples.rows(taken)

@@ -23,7 +23,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import fit_by
@@ -40,7 +39,7 @@ from runtime.identification.free_base.rows import (
     rows_of,
 )
 from runtime.identification.result_record import VerticalForcePart
-from runtime.library import Array, Library
+from runtime.library import Array, Integers, Library
 from runtime.library.free_base import FREEDOM
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion, motion_of
@@ -173,7 +172,7 @@ def drives_of(
     terms: Friction,
     delay_s: float | None,
     cutoff_hz: float | None,
-    trained: Callable[[FreeBaseMotion], NDArray[np.int64]],
+    trained: Callable[[FreeBaseMotion], Integers],
     prior: PriorFile | None,
 ) -> Drives:
     """Delay, unless it is stated, and noise of the rows that train."""

@@ -34,13 +34,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from runtime.errors import IdentificationError
 from runtime.estimators.friction_bounds import OF
 from runtime.estimators.regression.samples import Samples
-from runtime.library import Array, Library
+from runtime.library import Array, Integers, Library, Mask
 from runtime.library.free_base import FREEDOM
 from runtime.recording.free_base import Contacts, FreeBaseRecording
 from runtime.recording.friction.coupled_motors import Coupling, spread
@@ -182,7 +181,7 @@ class FreeBaseRows:
         return names or tuple(f"equation {k + 1}" for k in range(size)), np.asarray
 
     @property
-    def left(self) -> NDArray[np.int64]:
+    def left(self) -> Integers:
         """(N,) number of equations of every instant that unknown wrenches leave."""
         return np.asarray(self.basis.any(axis=1).sum(axis=1))
 
@@ -339,7 +338,7 @@ CLEARANCE = 0.02
 a degree changes it by 1 cm where the feet are 0.6 m apart."""
 
 
-def lifted_feet(recording: FreeBaseRecording, lib: Library) -> NDArray[np.bool_]:
+def lifted_feet(recording: FreeBaseRecording, lib: Library) -> Mask:
     """Whether a contact is above the ground, (N, C)."""
     turns = Rotation.from_matrix(recording.rotation).as_rotvec()
     q = recording.q[:, places_of(recording, lib.joint_names)]

@@ -51,7 +51,7 @@ from runtime.estimators.prior_file import read_prior
 from runtime.estimators.problem import NoiseFloor
 from runtime.estimators.regression.factor import Reduced
 from runtime.estimators.regression.posterior import posterior_of
-from runtime.library import Array, Library
+from runtime.library import Array, Library, Mask
 from runtime.library.parameters import N_PARAMETERS, PI_NAMES, links
 from runtime.monitoring.fleet.gather import Unit, common_columns
 from runtime.recording.settings import WIDTHS, widths_of
@@ -84,7 +84,7 @@ class FleetFit:
     statistic: Array  # T of each unit, (U,)
     p_value: Array  # probability of a larger T, times the number of units, at most 1; (U,)
     # whether a unit differs from its type by more than the spread, (U,)
-    stands_out: NDArray[np.bool_]
+    stands_out: Mask
     # link of each unit that stands out by which it differs; −1 for the others, (U,)
     links: NDArray[np.int_]
     covariance: Array  # of β of each unit, (U, n_b, n_b)
@@ -164,7 +164,7 @@ class _View:
                 high = middle
         return float(np.exp(low))
 
-    def likeliest(self, counted: NDArray[np.bool_]) -> tuple[float, tuple[float, float]]:
+    def likeliest(self, counted: Mask) -> tuple[float, tuple[float, float]]:
         """κ of the largest marginal likelihood over the counted units, and its 95 % interval."""
         values, square = self.values[counted], self.rest[counted] ** 2
 
@@ -184,21 +184,21 @@ class _View:
             ends.append(float(np.exp(inside)))
         return float(np.exp(best)), (ends[0], ends[1])
 
-    def _rows(self, counted: NDArray[np.bool_], kappa: float) -> Array:
+    def _rows(self, counted: Mask, kappa: float) -> Array:
         """Triangle of V_u^-½ [A_u b_u] of the counted units, (n_b + 1, n_b + 1)."""
         width = np.sqrt(1 + self.values[counted] / kappa)[:, :, None]
         whole = np.concatenate([self.A[counted], self.b[counted][:, :, None]], axis=2)
         rows = np.swapaxes(self.vectors[counted], 1, 2) @ whole / width
         return np.asarray(np.linalg.qr(rows.reshape(-1, rows.shape[2]), mode="r"))
 
-    def centre(self, counted: NDArray[np.bool_], kappa: float, kappa_0: float) -> Array:
+    def centre(self, counted: Mask, kappa: float, kappa_0: float) -> Array:
         """Most probable centre of the type, (10 n,): the normal law of all units with the URDF."""
         rows = self._rows(counted, kappa)
         factor = np.ascontiguousarray(rows[:, :-1] @ self.lib.base_matrix)
         data = Reduced(factor, np.ascontiguousarray(rows[:, -1]), 0.0, 1.0, 1.0)
         return solve(self.lib, convex_problem(data, self.urdf, kappa_0)).pi
 
-    def trust(self, counted: NDArray[np.bool_], kappa: float, kappa_0: float) -> float:
+    def trust(self, counted: Mask, kappa: float, kappa_0: float) -> float:
         """κ of a new unit: the mean of 1/(1/κ + e) over directions of β, e the error of P0 there.
 
         Directions that no unit excites keep the error of the URDF; the mean of the precisions
@@ -250,7 +250,7 @@ def alternate(
     lib: Library,
     urdf: Prior,
     data: tuple[Array, Array],
-    counted: NDArray[np.bool_],
+    counted: Mask,
     kappas: tuple[float, float],
     centre: Array,
 ) -> tuple[Array, Array]:

@@ -82,12 +82,6 @@ _SQUARE = {
 """Kernels whose length grows with the square of the joints."""
 
 
-def omitted_kernels(chain: Chain) -> dict[str, str]:
-    """Names of the kernels that this robot does not get."""
-    large = _LARGE if chain.is_large else {}
-    return large | (_FREE_BASE if chain.floating else {})
-
-
 @dataclass(frozen=True, slots=True)
 class Catalogue:
     """All kernels of one robot, and the base parameters that some of them use."""
@@ -101,7 +95,7 @@ class Catalogue:
 def make_catalogue(chain: Chain, collision: CollisionModel | None = None) -> Catalogue:
     """Return all kernels of a chain."""
     base = numeric_base(chain, dynamics.sampled_regressor(chain))
-    omitted = omitted_kernels(chain)
+    omitted = (_LARGE if chain.is_large else {}) | (_FREE_BASE if chain.floating else {})
     kernels = (*motion_kernels(chain, base, omitted), *body_kernels())
     if not chain.floating:
         kernels = (

@@ -37,7 +37,9 @@ def motion_kernels(
     # τ(π) = τ(β(π)): through β where the regrouping loses nothing, else from regrouped π.
     grouped = regrouped(chain, pi)
     predicted = dynamics.inverse_dynamics(chain, q, dq, ddq, grouped)
-    from_base = dynamics.inverse_dynamics(chain, q, dq, ddq, _expanded(base, beta))
+    expanded = ca.SX(P * links, 1)  # a π with the base parameters β
+    expanded[list(base.columns)] = beta
+    from_base = dynamics.inverse_dynamics(chain, q, dq, ddq, expanded)
     to_base = ("base_parameters", "base_inverse_dynamics")
     torque = ca.substitute(from_base, beta, _times(base.matrix, dynamics.pi_from_lam_all(lam)))
     # `base_parameters` and `base_adjoint` run per parameter vector: nothing is shared by samples.
@@ -179,14 +181,6 @@ def _without_accelerations(chain: Chain, base: BaseParameters) -> tuple[Kernel, 
             "dq.tau = d(E_b beta)/dt, T + U = E_b beta + const",
         ),
     )
-
-
-def _expanded(base: BaseParameters, beta: Any) -> Any:
-    """A π with these base parameters: β in the base columns, zero elsewhere."""
-    pi = ca.SX(base.matrix.shape[1], 1)
-    for k, column in enumerate(base.columns):
-        pi[column] = beta[k]
-    return pi
 
 
 def _times(matrix: Array, vector: Any) -> Any:

@@ -85,8 +85,8 @@ def _split(triangles: Array, count: int) -> list[Capsule]:
         parts = [triangles[owner == k] for k in range(count)]
         capsules = [_enclosing(part, starts=1) for part in parts if len(part)]
         count = len(capsules)
-        outside = np.stack([_depth(c, triangles).max(axis=1) for c in capsules])  # (count, T)
-        fresh = outside.argmin(axis=0)
+        away = [_to_segment(triangles, c.start, c.end)[0] - c.radius for c in capsules]
+        fresh = np.stack([each.max(axis=1) for each in away]).argmin(axis=0)
         if (fresh == owner).all():
             break
         owner = fresh
@@ -172,11 +172,6 @@ def _to_segment(points: Array, start: Array, end: Array) -> tuple[Array, Array, 
     s = np.clip((points - start) @ direction / square, 0, 1)
     away = points - start - s[..., None] * direction
     return np.linalg.norm(away, axis=-1), s, away
-
-
-def _depth(capsule: Capsule, points: Array) -> Array:
-    """Signed distance of points (…, 3) to the surface, negative inside, m."""
-    return _to_segment(points, capsule.start, capsule.end)[0] - capsule.radius
 
 
 def _rounded(capsule: Capsule, triangles: Array) -> Capsule:

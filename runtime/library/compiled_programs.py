@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from runtime.library.binding import LANES, Array, Binding, padded_size, zeros
+from runtime.library.arrays import Array
+from runtime.library.binding import LANES, Binding, padded_size, zeros
 
 _ADDRESS, _LONG = ctypes.c_void_p, ctypes.c_long
 

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from runtime.errors import LibraryError, NotRealisableError, PostureError, ShapeError
-from runtime.library.binding import Array, Binding
+from runtime.library.arrays import Array
+from runtime.library.binding import Binding
 from runtime.library.manifest import Manifest
 from runtime.library.parameters import N_PARAMETERS
 

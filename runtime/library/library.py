@@ -11,7 +11,8 @@ import numpy as np
 from runtime.common.files import sha256_of
 from runtime.common.user_builds import NAME, built_folders, is_user_build
 from runtime.errors import LibraryError
-from runtime.library.binding import Array, Binding
+from runtime.library.arrays import Array
+from runtime.library.binding import Binding
 from runtime.library.compiled_programs import CompiledStatistics
 from runtime.library.free_base import FREEDOM, ROWS
 from runtime.library.joint_kernels import BodyKernels, JointKernels, ProofKernels, SafetyKernels

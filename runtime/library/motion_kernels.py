@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from runtime.errors import LibraryError
-from runtime.library.binding import Array
+from runtime.library.arrays import Array
 from runtime.library.free_base import FREEDOM, BaseMotion, stacked, with_base
 from runtime.library.joint_kernels import Kernels
 

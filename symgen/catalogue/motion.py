@@ -9,9 +9,9 @@ from typing import Any
 import casadi as ca
 
 from symgen.chain import Chain
-from symgen.kernel import Argument, Kernel, make_kernel, make_rare, make_slow
+from symgen.kernel import Argument, Array, Kernel, make_kernel, make_rare, make_slow
 from symgen.mechanics import dynamics, kinematics, passive
-from symgen.mechanics.base_parameters import Array, BaseParameters, regrouped
+from symgen.mechanics.base_parameters import BaseParameters, regrouped
 from symgen.mechanics.inertia import N_PARAMETERS as P
 
 STATE = ("q", "dq", "ddq", "dddq", "ddddq")

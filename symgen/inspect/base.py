@@ -12,7 +12,8 @@ import numpy as np
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.chain.document import MOVING, Document, add_inertial, numbers
 from symgen.errors import UrdfError
-from symgen.inspect.model import Array, Model, pi_of, pseudo_of
+from symgen.inspect.model import Model, pi_of, pseudo_of
+from symgen.kernel import Array
 from symgen.mechanics import inertia
 from symgen.mechanics.base_parameters import BaseParameters, numeric_base
 from symgen.mechanics.combination import describe_combination

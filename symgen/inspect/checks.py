@@ -17,7 +17,8 @@ from collections.abc import Callable
 import numpy as np
 
 from symgen.inspect.geometry import Extent, Group
-from symgen.inspect.model import ERROR, POINT, WARNING, Array, Body, Finding, Joint, Model
+from symgen.inspect.model import ERROR, POINT, WARNING, Body, Finding, Joint, Model
+from symgen.kernel import Array
 from symgen.mechanics.inertia import REALISABLE_TOLERANCE
 
 FRAME = 1e-6

@@ -20,7 +20,8 @@ import numpy as np
 from defusedxml.ElementTree import iterparse
 from scipy.spatial import ConvexHull, QhullError
 
-from symgen.inspect.model import Array, Body, Link, Model, Shape
+from symgen.inspect.model import Body, Link, Model, Shape
+from symgen.kernel import Array
 
 LARGEST_MESH = 200 * 2**20
 """Largest size of a mesh file that is read, bytes."""

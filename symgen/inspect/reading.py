@@ -13,7 +13,8 @@ import pinocchio
 
 from symgen.chain.document import Document, numbers, parse
 from symgen.errors import UrdfError
-from symgen.inspect.model import ERROR, Array, Body, Finding, Joint, Link, Model, Shape
+from symgen.inspect.model import ERROR, Body, Finding, Joint, Link, Model, Shape
+from symgen.kernel import Array
 from symgen.sources.compiled_mjcf import compile_mjcf, rotation_of
 
 _SIZES = {

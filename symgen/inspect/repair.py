@@ -23,7 +23,8 @@ from scipy.linalg import block_diag
 
 from symgen.errors import InertiaError, UrdfError
 from symgen.inspect.base import SampledBase, lumping
-from symgen.inspect.model import Array, Body, Model, pi_of, pseudo_of
+from symgen.inspect.model import Body, Model, pi_of, pseudo_of
+from symgen.kernel import Array
 from symgen.mechanics import inertia
 
 _AXES = "xyz"

@@ -17,10 +17,11 @@ from symgen.chain.reading import GIVEN, MASSLESS, MASSLESS_KG, PLACEHOLDER, PLAC
 from symgen.collision.distance import moving
 from symgen.collision.model import tables_from_collision
 from symgen.errors import BuildError, InertiaError
+from symgen.kernel import Array
 from symgen.make.config import home_of
 from symgen.make.request import BuildRequest
 from symgen.mechanics import inertia, passive
-from symgen.mechanics.base_parameters import Array, BaseParameters
+from symgen.mechanics.base_parameters import BaseParameters
 from symgen.mechanics.passive import friction_coordinates
 
 ROUNDED = 1e-4

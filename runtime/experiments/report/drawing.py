@@ -13,8 +13,9 @@ import numpy as np
 from markupsafe import Markup
 
 from runtime.experiments.report.labels import DOCUMENT, case_name, cases_of, curve_name, method_name
-from runtime.experiments.report.reading import Array, Experiment, MetricKey, Value
+from runtime.experiments.report.reading import Experiment, MetricKey, Value
 from runtime.experiments.study import View
+from runtime.library import Array
 from runtime.outputs.report.canvas import (
     BLUE,
     GREEN,

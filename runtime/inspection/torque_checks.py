@@ -16,6 +16,7 @@ from runtime.estimators.choice.regressor_choice import (
     choose_regressor,
     differentiation_of,
 )
+from runtime.estimators.regression.causes import Causes
 from runtime.inspection.checks import column_faults, drives, gravity, model_fit, signals
 from runtime.inspection.checks.torque_rows import TorqueRows, rough, scale, torque_rows_of
 from runtime.inspection.finding import INFO, WARNING, Finding, joint_list
@@ -225,7 +226,8 @@ def _check_fit(checks: CheckRun, terms: Friction) -> None:
     computed = model_fit.not_measured(torque_rows, fit, tau)
     # A tilt is one against the gravity of known links, a gain one of known masses.
     is_known = checks.has_gains and not (computed or lib.placeholders)
-    gain = model_fit.explained(torque_rows, fit) if is_known else []
+    causes = model_fit.causes_left(torque_rows, fit) if is_known else Causes()
+    gain = model_fit.explained(torque_rows, causes)
     late = (
         []
         if computed or any(f.kind == "torque_gain" for f in gain)
@@ -243,7 +245,10 @@ def _check_fit(checks: CheckRun, terms: Friction) -> None:
         fit = model_fit.fitted(torque_rows)
         computed = model_fit.not_measured(torque_rows, fit, tau)
         # What a tilt or a zero explained may have been the delay.
-        gain = model_fit.explained(torque_rows, fit) if gain else []
+        causes = model_fit.causes_left(torque_rows, fit) if is_known else causes
+        gain = model_fit.explained(torque_rows, causes) if gain else []
+    if not any(f.kind == "torque_gain" for f in gain):
+        gain = model_fit.gain_by_slope(torque_rows, causes) or gain
     strange = model_fit.unexplained(torque_rows, fit, has_gains=checks.has_gains)
     if strange:  # what no bodies explain at any delay has none
         checks.plan, late = before, [each for each in late if each.kind != "time_shift"]
@@ -253,7 +258,7 @@ def _check_fit(checks: CheckRun, terms: Friction) -> None:
     guessed = guessed and any(f.kind == "torque_unit" for f in checks.findings)
     guessed = guessed or not checks.has_gains
     if checks.has_gains and not guessed and not lib.placeholders:
-        checks.findings += model_fit.hidden_gains(torque_rows)
+        checks.findings += model_fit.hidden_gains(torque_rows, causes)
     if not strange and not guessed:  # wrong gains look like a tool or a coupling
         checks.findings += gain
         accused = any(f.level == WARNING for f in gain)

@@ -7,16 +7,17 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runtime.common.tables import significant
 from runtime.estimators.contradictions import OTHER, remedy_of, sentence_of
-from runtime.estimators.regression.causes import GAIN, TILT, ZERO, Cause, causes_of_rows
+from runtime.estimators.regression.causes import GAIN, TILT, ZERO, Cause, Causes, causes_of_rows
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.estimators.regression.posterior import least_squares, posterior_of
 from runtime.inspection.checks.signals import LITTLE
-from runtime.inspection.checks.torque_rows import TorqueRows, slopes_to_model
+from runtime.inspection.checks.torque_rows import USUAL, TorqueRows, slopes_to_model
 from runtime.inspection.finding import INFO, WARNING, Finding, joint_list
-from runtime.library import Array
+from runtime.library import Array, Library
 from runtime.library.parameters import MASS, N_PARAMETERS, centre_of_mass, mass
 from runtime.recording import Friction
 from runtime.recording.rest_speeds import rest_speeds
@@ -38,6 +39,8 @@ MISSED = 0.2
 torque of a Z1 and a Go2, whose bodies miss 0.07 of it."""
 OFF = 1.4
 """Factor between gains that is reported; the bodies of a URDF err by less."""
+ALIKE = 3
+"""Fewest other joints whose slopes agree to `OFF`, beside which one slope alone is a wrong gain."""
 PERFECT = 5e-4
 """Residual over torque below which the torque cannot come from a sensor."""
 SILENT, GOOD = 1e-5, 5e-3
@@ -226,15 +229,20 @@ def _drive(dq: Array, ddq: Array) -> Array:
     return np.column_stack([dq, np.tanh(dq / 0.05), ddq])
 
 
-def explained(torque_rows: TorqueRows, fit: UnconstrainedFit) -> list[Finding]:
+def causes_left(torque_rows: TorqueRows, fit: UnconstrainedFit) -> Causes:
+    """Causes of what the fit leaves, in weights of its residuals."""
+    lib = torque_rows.lib
+    power = fit.rest.reshape(-1, lib.n_joints).var(axis=0)
+    weights = 1.0 / np.maximum(power, 1e-12 * power.max() + 1e-300)
+    return causes_of_rows(lib, torque_rows.samples, weights, lib.pi0)
+
+
+def explained(torque_rows: TorqueRows, causes: Causes) -> list[Finding]:
     """Gain of a joint, tilt or encoder zero that explains what the fit leaves.
 
     The comparison of causes needs no URDF; a gain must be that of the slope on it, too.
     """
-    lib, s = torque_rows.lib, torque_rows.samples
-    power = fit.rest.reshape(-1, lib.n_joints).var(axis=0)
-    weights = 1.0 / np.maximum(power, 1e-12 * power.max() + 1e-300)
-    causes = causes_of_rows(lib, s, weights, lib.pi0)
+    lib = torque_rows.lib
     # A gain of 2.5 looks like a delay, too: the slope on the torque of the URDF decides.
     gains = [c for c in causes.ranked if c.kind == GAIN and c.is_significant and not c.is_usable]
     of_gain = [each for best in gains[:1] for each in _gain(torque_rows, best)]
@@ -257,20 +265,57 @@ def _gain(torque_rows: TorqueRows, best: Cause) -> list[Finding]:
     gain, size = float(slopes[best.joint] / np.median(slopes[others])), best.size
     if gain <= 0 or (not (gain > OFF and size > 0) and not (gain < 1 / OFF and size < 0)):
         return []
-    name = lib.joint_names[best.joint]
+    return [_wrong_gain(lib, best.joint, gain, "no bodies explain them together, and ", best)]
+
+
+def _wrong_gain(lib: Library, joint: int, gain: float, why: str, cause: Cause) -> Finding:
+    name = lib.joint_names[joint]
     sentence = (
         f"the torque of {name} is about {gain:.2g} times too large beside that of the other "
-        "joints: no bodies explain them together, and the slope on the torque of the URDF "
+        f"joints: {why}the slope on the torque of the URDF "
         f"differs by as much; check its torque constant and gear ratio, and set gain of {name} "
         f"to {1 / gain:.2g} times the present one under [torque]"
     )
-    evidence = {"joint": best.joint, "gain": gain, "statistic": best.statistic}
-    return [Finding("torque_gain", WARNING, sentence, evidence)]
+    evidence = {"joint": joint, "gain": gain, "statistic": cause.statistic}
+    return Finding("torque_gain", WARNING, sentence, evidence)
 
 
-def hidden_gains(torque_rows: TorqueRows) -> list[Finding]:
-    """Note on joints of much torque whose gain the URDF does not confirm."""
-    _, is_used = slopes_to_model(torque_rows)
+def gain_by_slope(torque_rows: TorqueRows, causes: Causes) -> list[Finding]:
+    """Gain of a joint that the residual leaves open, such as a leg's, by the slope on the URDF.
+
+    All other slopes agree, and the links of a URDF err by less than the factor of this one.
+    """
+    apart = _apart(*slopes_to_model(torque_rows))
+    if apart is None or USUAL[0] <= apart[1] <= USUAL[1]:
+        return []
+    joint, gain = apart
+    cause = next((c for c in causes.ranked if c.kind == GAIN and c.joint == joint), None)
+    # The residual would show a gain of this size, and shows none: the links of the URDF are wrong.
+    if cause is None or cause.limit < 1 - min(gain, 1 / gain):
+        return []
+    return [_wrong_gain(torque_rows.lib, joint, gain, "", cause)]
+
+
+def _apart(slopes: Array, is_used: NDArray[np.bool_]) -> tuple[int, float] | None:
+    """Joint whose slope differs most from the others, and its factor; None where these differ."""
+    used = np.flatnonzero(is_used & (slopes > 0))
+    if len(used) <= ALIKE:
+        return None
+    logs = np.log(slopes[used])
+    place = int(np.argmax(np.abs(logs - np.median(logs))))
+    others = np.delete(logs, place)
+    middle = float(np.median(others))
+    if float(np.abs(others - middle).max()) > np.log(OFF):
+        return None
+    return int(used[place]), float(np.exp(logs[place] - middle))
+
+
+def hidden_gains(torque_rows: TorqueRows, causes: Causes) -> list[Finding]:
+    """Note on joints of much torque whose gain neither URDF nor residual confirm."""
+    slopes, is_used = slopes_to_model(torque_rows)
+    limits = causes.limits(GAIN)
+    if limits.size and _apart(slopes, is_used) is None:  # the residual alone may show a gain
+        is_used = is_used & (limits <= USUAL[1] - 1)
     rms = np.sqrt(np.mean(torque_rows.whole.required("tau") ** 2, axis=0))
     hidden = [int(j) for j in np.flatnonzero(~is_used & (rms >= LITTLE * rms.max()))]
     if not hidden:

@@ -141,23 +141,49 @@ def unfitted(rows: SimpleNamespace) -> model_fit.UnconstrainedFit:
 def test_gain_of_one_joint(monkeypatch, slope, tested, is_reported) -> None:
     """Oracle: reported where the slope differs by 1.4 or more, on the side of the test."""
     best = Cause("gain", 1, tested - 1, 0.01, 0.2, 99.0, 15.0)
-    monkeypatch.setattr(model_fit, "causes_of_rows", lambda *_: Causes((best,)))
     slopes = np.array([2.0, 2.0 * slope, 2.0]), np.ones(3, dtype=bool)
     monkeypatch.setattr(model_fit, "slopes_to_model", lambda _: slopes)
     robot = SimpleNamespace(n_joints=3, joint_names=("a", "b", "c"), pi0=np.zeros(30))
     rows = SimpleNamespace(lib=robot, samples=SimpleNamespace(tau=np.ones((4, 3))))
-    findings = model_fit.explained(rows, unfitted(rows))
+    findings = model_fit.explained(rows, Causes((best,)))
     assert [each.evidence["gain"] for each in findings] == ([slope] if is_reported else [])
+
+
+@pytest.mark.parametrize(
+    ("slopes", "sigma", "is_named", "is_hidden"),
+    [
+        ((1.5, 1.1, 1.2, 1.2), 0.8, False, False),
+        ((1.5, 2.8, 1.2, 1.2), 0.8, True, False),
+        ((1.5, 0.4, 1.2, 1.2), 0.8, True, False),
+        ((1.5, 2.8, 1.2, 1.2), 0.01, False, False),  # the residual would show it
+        ((2.0, 2.8, 0.9, 1.2), 0.8, False, True),  # the others do not agree
+        ((1.5, 2.8, 1.2, 0.0), 0.8, False, True),  # nor are they enough
+        ((1.5, 2.8, 1.2, 0.0), 0.01, False, False),
+    ],
+)
+def test_a_gain_that_the_residual_leaves_open(
+    monkeypatch, slopes, sigma, is_named, is_hidden
+) -> None:
+    """Oracle: a leg, whose free bodies explain any gain, has the slopes of the URDF alone."""
+    each = tuple(Cause("gain", j, 0.1, sigma, 0.2, 0.1, 15.0) for j in range(4))
+    used = np.array(slopes), np.array(slopes) > 0
+    monkeypatch.setattr(model_fit, "slopes_to_model", lambda _: used)
+    robot = SimpleNamespace(n_joints=4, joint_names=("a", "b", "c", "d"))
+    whole = SimpleNamespace(required=lambda _: np.ones((4, 4)))
+    rows = SimpleNamespace(lib=robot, whole=whole)
+    named = model_fit.gain_by_slope(rows, Causes(each))
+    assert [f.evidence["joint"] for f in named] == [1] * is_named
+    hidden = [j for f in model_fit.hidden_gains(rows, Causes(each)) for j in f.evidence["joints"]]
+    assert (1 in hidden) == is_hidden
 
 
 @pytest.mark.parametrize(("share", "kinds"), [(0.02, ["gain_error"]), (0.2, [])])
 def test_a_small_gain_is_stated_as_by_identify(lib, monkeypatch, share, kinds) -> None:
     """Property: the words of `identify`, as a note; a large one needs the slope of the URDF."""
     best = Cause("gain", 1, 0.02, 0.01, share, 99.0, 15.0)
-    monkeypatch.setattr(model_fit, "causes_of_rows", lambda *_: Causes((best,)))
     monkeypatch.setattr(model_fit, "slopes_to_model", lambda _: (np.ones(7), np.ones(7, bool)))
     rows = SimpleNamespace(lib=lib, samples=SimpleNamespace(tau=np.ones((4, 7))))
-    findings = model_fit.explained(rows, unfitted(rows))
+    findings = model_fit.explained(rows, Causes((best,)))
     assert [each.kind for each in findings] == kinds
     for each in findings:
         assert each.level == INFO

@@ -233,6 +233,9 @@ SIZES = np.concatenate([[0.0], MOST * STEP ** -np.arange(12.0)[::-1]])
 """Candidates of λ over the range of the joint."""
 SHAPES = len(KINDS)
 """Number of shapes."""
+PLACEHOLDER = 100.0
+"""Limit of effort over the largest torque of a log from which on it is none of this joint: slow
+logs of an LWR 4+ reach 64 at its base and at its wrist, a URDF has 2000 N·m at a small arm."""
 QUANTILES = 400
 """Number of candidates of a common λ²: the smallest is a thousandth of the expected one."""
 
@@ -262,10 +265,13 @@ def nuisance_columns(lib: Library, pi: Array, samples: Samples) -> Array:
 
 
 def torque_ranges(lib: Library, tau: Array) -> Array:
-    """Largest torque of every joint, by the model, else of rows (N, n), (n,)."""
+    """Largest torque of every joint, by the model, else of rows (N, n), (n,).
+
+    A limit below the rows' largest torque, or far above it, is a placeholder of the URDF.
+    """
     effort = np.asarray(lib.limits()["effort"], float)
     largest = np.maximum(np.abs(tau).max(axis=0), 1e-9)
-    return np.where(np.isfinite(effort) & (effort > 0), effort, largest)
+    return np.where((effort >= largest) & (effort <= PLACEHOLDER * largest), effort, largest)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

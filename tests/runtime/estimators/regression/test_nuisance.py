@@ -1,6 +1,7 @@
 """Nuisance torque: intervals hold under cables that no column describes, and stay without them."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -255,3 +256,11 @@ def test_intervals_contain_a_cable_that_the_columns_take_up(double: Library) -> 
         error = result.beta - double.base_matrix @ double.pi0
         z.append((error / result.uncertainty.beta_sigma)[is_known])
     assert np.mean(np.abs(np.concatenate(z)) < 1.96) > 0.85
+
+
+def test_a_placeholder_of_a_limit_is_no_torque_range() -> None:
+    """Oracle: by hand; limits of 0, below the torque of the log, or of a hundred times as much."""
+    tau = np.array([[1.0, -2.0, 3.0, 4.0, 5.0], [-2.0, 1.0, -4.0, 1.0, 0.0]])
+    limits = {"effort": np.array([30.0, 0.0, 1.0, 1000.0, np.inf])}
+    lib = SimpleNamespace(limits=lambda: limits)
+    assert model_error.torque_ranges(lib, tau).tolist() == [30.0, 2.0, 4.0, 4.0, 5.0]

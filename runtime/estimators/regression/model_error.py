@@ -234,8 +234,9 @@ SIZES = np.concatenate([[0.0], MOST * STEP ** -np.arange(12.0)[::-1]])
 SHAPES = len(KINDS)
 """Number of shapes."""
 PLACEHOLDER = 100.0
-"""Limit of effort over the largest torque of a log from which on it is none of this joint: slow
-logs of an LWR 4+ reach 64 at its base and at its wrist, a URDF has 2000 N·m at a small arm."""
+"""Limits of effort over the largest torques of a log from which on, at every joint, they are none of
+this robot: a URDF has 2000 N·m at a small arm. One joint alone may hardly be used, such as a wrist.
+"""
 QUANTILES = 400
 """Number of candidates of a common λ²: the smallest is a thousandth of the expected one."""
 
@@ -267,11 +268,15 @@ def nuisance_columns(lib: Library, pi: Array, samples: Samples) -> Array:
 def torque_ranges(lib: Library, tau: Array) -> Array:
     """Largest torque of every joint, by the model, else of rows (N, n), (n,).
 
-    A limit below the rows' largest torque, or far above it, is a placeholder of the URDF.
+    A limit below the rows' largest torque is a placeholder of the URDF, and so are all where every
+    one is far above it.
     """
     effort = np.asarray(lib.limits()["effort"], float)
     largest = np.maximum(np.abs(tau).max(axis=0), 1e-9)
-    return np.where((effort >= largest) & (effort <= PLACEHOLDER * largest), effort, largest)
+    known = np.isfinite(effort) & (effort >= largest)
+    if known.any() and (effort[known] > PLACEHOLDER * largest[known]).all():
+        return largest
+    return np.where(known, effort, largest)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

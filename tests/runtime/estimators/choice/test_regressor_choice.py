@@ -18,7 +18,8 @@ from runtime.estimators.choice.regressor_choice import (
 from runtime.inspection import inspect_log
 from runtime.library import Library
 from runtime.recording import Preparation, write_recording
-from runtime.recording.preprocessing import pipeline, prepare
+from runtime.recording.preprocessing import prepare
+from runtime.recording.preprocessing import segments as clock
 from tests.runtime.conftest import Command
 
 QUIET = Preparation(filter="butterworth", cutoff_hz=5.0, trim_s=0.5)
@@ -60,8 +61,8 @@ def test_the_share_of_noise(lib: Library, clean: Recording, derivative, noise, c
 def test_the_grid_is_made_once(lib: Library, clean: Recording, monkeypatch):
     """Property: clock and grid serve all three preparations; each took 6 ms of `identify`."""
     grids = []
-    whole = pipeline.resample
-    monkeypatch.setattr(pipeline, "resample", lambda *call: grids.append(call) or whole(*call))
+    whole = clock.resample
+    monkeypatch.setattr(clock, "resample", lambda *call: grids.append(call) or whole(*call))
     uneven = clean.take(np.r_[0:200, 202:300], "Two rows missing.")
     result = differentiation_of(uneven, lib, replace(QUIET, max_gap_s=0.1))
     assert result is not None

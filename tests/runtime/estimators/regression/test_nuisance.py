@@ -259,8 +259,11 @@ def test_intervals_contain_a_cable_that_the_columns_take_up(double: Library) -> 
 
 
 def test_a_placeholder_of_a_limit_is_no_torque_range() -> None:
-    """Oracle: by hand; limits of 0, below the torque of the log, or of a hundred times as much."""
+    """Oracle: by hand; limits of 0, below the torque, and all of a hundred times as much."""
     tau = np.array([[1.0, -2.0, 3.0, 4.0, 5.0], [-2.0, 1.0, -4.0, 1.0, 0.0]])
-    limits = {"effort": np.array([30.0, 0.0, 1.0, 1000.0, np.inf])}
-    lib = SimpleNamespace(limits=lambda: limits)
-    assert model_error.torque_ranges(lib, tau).tolist() == [30.0, 2.0, 4.0, 4.0, 5.0]
+    for effort, ranges in (
+        ([30.0, 0.0, 1.0, 1000.0, np.inf], [30.0, 2.0, 4.0, 1000.0, 5.0]),
+        ([2000.0, 0.0, 1.0, 1000.0, np.inf], [2.0, 2.0, 4.0, 4.0, 5.0]),
+    ):
+        lib = SimpleNamespace(limits=lambda effort=effort: {"effort": np.array(effort)})
+        assert model_error.torque_ranges(lib, tau).tolist() == ranges

@@ -234,9 +234,8 @@ SIZES = np.concatenate([[0.0], MOST * STEP ** -np.arange(12.0)[::-1]])
 SHAPES = len(KINDS)
 """Number of shapes."""
 PLACEHOLDER = 100.0
-"""Limits of effort over the largest torques of a log from which on, at every joint, they are none of
-this robot: a URDF has 2000 N·m at a small arm. One joint alone may hardly be used, such as a wrist.
-"""
+"""Limits of effort over the largest torques of a log from which on, at every joint, they are none
+of this robot: a URDF has 2000 N·m at a small arm. A wrist alone may hardly be used."""
 QUANTILES = 400
 """Number of candidates of a common λ²: the smallest is a thousandth of the expected one."""
 

@@ -75,6 +75,8 @@ def command_after(doubt: str, inspect: str, record: ResultRecord, robot: str) ->
     }
     for pattern, command in commands.items():
         if match := re.search(pattern, doubt):
+            if command is again and match[0] in again:
+                return ""  # it was done
             return command + match[0] if command.endswith(" ") else command
     return ""
 

@@ -299,7 +299,8 @@ def remedy_of(lib: Library, cause: Cause) -> str:
     return {
         GAIN: f"check the torque constant of {name}, or estimate the gains of all joints by "
         "python -m runtime gains; of a commanded torque check the gains of its law",
-        DELAY: "correct it with --delay auto",
+        DELAY: "correct it with --delay auto, or where that was given with another friction model, "
+        "which may look like a delay",
         ZERO: f"calibrate the zero of {name}, or estimate it by identify --settings "
         "encoder_bias=true",
         OFFSET: "add offset to the columns of --friction",

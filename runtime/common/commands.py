@@ -5,7 +5,6 @@ prints the sentences of the list; the help of one command comes from its docstri
 """
 
 import errno
-import functools
 import io
 import os
 import sys
@@ -205,9 +204,8 @@ def _require_usual(option: str, value: Any) -> None:
                     )
 
 
-@functools.cache
 def imported(command: Command) -> Any:
-    """Command of Typer, from its module; made once, since a process may run it many times."""
+    """Command of Typer, from its module."""
     function = getattr(import_module(command.module), f"{command.name}_command")
     app = typer.Typer(
         add_completion=False,

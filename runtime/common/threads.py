@@ -2,7 +2,6 @@
 
 import functools
 import os
-import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -10,7 +9,7 @@ from contextvars import ContextVar
 from itertools import islice
 from typing import ParamSpec, TypeVar
 
-from threadpoolctl import ThreadpoolController
+from threadpoolctl import threadpool_limits
 
 __all__ = ["cores", "one_blas_thread"]
 
@@ -43,8 +42,8 @@ def computed_ahead(work: Callable[[T], R], items: Iterable[T], most: int) -> Ite
 def one_blas_thread(function: Callable[P, R]) -> Callable[P, R]:
     """Run a function with one BLAS thread; with a hundred columns further threads only wait.
 
-    On a busy machine of two cores the second thread made identification ten times slower. Only the
-    outermost call limits the threads.
+    On a busy machine of two cores the second thread made identification ten times slower. Finding
+    the libraries of the process takes 2 ms, so that only the outermost call does.
     """
 
     @functools.wraps(function)
@@ -53,15 +52,9 @@ def one_blas_thread(function: Callable[P, R]) -> Callable[P, R]:
             return function(*args, **kwargs)
         token = _INSIDE.set(True)
         try:
-            with _blas_libraries(len(sys.modules)).limit(limits=1, user_api="blas"):
+            with threadpool_limits(limits=1, user_api="blas"):
                 return function(*args, **kwargs)
         finally:
             _INSIDE.reset(token)
 
     return limited
-
-
-@functools.lru_cache(maxsize=1)
-def _blas_libraries(_: int) -> ThreadpoolController:
-    """Libraries of the process, found in 2 ms, again only after an import of further modules."""
-    return ThreadpoolController()

@@ -5,7 +5,6 @@ friction columns alike, because a linear relation between signals survives only 
 the same filter. `lagged` has the phase of a sensor instead.
 """
 
-import functools
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import gamma
@@ -54,12 +53,6 @@ def is_filtered(history: Iterable[str]) -> bool:
 
 def butterworth_sections(order: int, cutoff: float) -> Array:
     """Second-order sections (s, 6) of a low-pass; the cut-off is relative to half the rate."""
-    return _designed(order, cutoff).copy()  # SciPy filters with writable ones only
-
-
-@functools.lru_cache(maxsize=256)
-def _designed(order: int, cutoff: float) -> Array:
-    """The same, of which a choice of the cut-off needs a few designs many times."""
     return np.asarray(scipy_signal().butter(order, cutoff, output="sos"))
 
 

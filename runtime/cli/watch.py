@@ -2,6 +2,7 @@
 
 import dataclasses
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -21,8 +22,10 @@ from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.monitoring.drift import (
     ALPHA,
+    Baseline,
     Change,
     Verdict,
+    WatchedLog,
     baseline_of,
     free_baseline_of,
     verdict_of,
@@ -100,12 +103,16 @@ def watch_command(given: WatchSettings) -> None:
         for log in given.logs
     ]
     root = read_posterior(given.result, saved, lib).of_readings().root(lib)
-    watch = _free_verdicts if saved.record.is_free else _verdicts
-    recordings, verdicts = watch(given, saved, lib, root)
+    watched = (_of_free_base if saved.record.is_free else _of_joints)(given, saved, lib, root)
+    marks = [row_marks(day) for day in watched.days]
+    verdicts = [
+        verdict_of(lib, watched.baseline, log, _is_known(saved, marks, joints))
+        for log, joints in zip(watched.logs, watched.joints, strict=True)
+    ]
     entries = [_facts(verdict) for verdict in verdicts]
     if given.history is not None:
         file = given.result / "result.json" if given.result.is_dir() else given.result
-        marks = {  # when and with which model a check was made
+        check = {  # when and with which model a check was made
             "checked": datetime.now(UTC).isoformat(timespec="seconds"),
             "result_sha256": hashlib.sha256(bytes_of(file)).hexdigest(),
             "model_hash": lib.manifest.model_hash,
@@ -113,9 +120,9 @@ def watch_command(given: WatchSettings) -> None:
         append_history(
             given.history,
             [
-                marks | {"log_sha256": dict(log.source)} | each | facts | {"sizes": _sizes(verdict)}
+                check | {"log_sha256": dict(log.source)} | each | facts | {"sizes": _sizes(verdict)}
                 for log, each, facts, verdict in zip(
-                    recordings, circumstances, entries, verdicts, strict=True
+                    watched.joints, circumstances, entries, verdicts, strict=True
                 )
             ],
         )
@@ -132,10 +139,18 @@ def watch_command(given: WatchSettings) -> None:
         raise typer.Exit(1)
 
 
-def _verdicts(
-    given: WatchSettings, saved: SavedResult, lib: Library, root: Array
-) -> tuple[list[Recording], list[Verdict]]:
-    """Logs of joints, as prepared, and their verdicts."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Watched:
+    """Logs as they are tested, their joints and those of the logs of reference as read."""
+
+    baseline: Baseline
+    logs: Sequence[WatchedLog]
+    joints: list[Recording]
+    days: list[Recording]
+
+
+def _of_joints(given: WatchSettings, saved: SavedResult, lib: Library, root: Array) -> _Watched:
+    """Logs of a fixed base, prepared."""
     model = model_of(saved, lib)
     sigma = np.sqrt(np.mean(read_held_out(given.result, model).rest ** 2, axis=0))
     raw = [saved.log_of(log, lib, given.recipe) for log in given.logs]
@@ -143,22 +158,16 @@ def _verdicts(
     days = [saved.log_of(log, lib, given.recipe) for log in given.references or []]
     healthy = _prepared(lib, saved, given.references or [], days)
     baseline = baseline_of(lib, saved, root, sigma, read_test_rows(given.result, model), healthy)
-    marks = [row_marks(day) for day in days]
-    known = [_is_known(saved, marks, log) for log in raw]
-    return logs, [verdict_of(lib, baseline, *each) for each in zip(logs, known, strict=True)]
+    return _Watched(baseline, logs, raw, days)
 
 
-def _free_verdicts(
-    given: WatchSettings, saved: SavedResult, lib: Library, root: Array
-) -> tuple[list[Recording], list[Verdict]]:
-    """Logs of a free base, their joints, and their verdicts."""
+def _of_free_base(given: WatchSettings, saved: SavedResult, lib: Library, root: Array) -> _Watched:
+    """Logs of a free base, as read."""
     logs, days = (
         [_free_log(log, given) for log in each] for each in (given.logs, given.references or [])
     )
     baseline = free_baseline_of(lib, saved, root, logs[0], days)
-    marks, joints = [row_marks(day.joints) for day in days], [log.joints for log in logs]
-    known = [_is_known(saved, marks, each) for each in joints]
-    return joints, [verdict_of(lib, baseline, *each) for each in zip(logs, known, strict=True)]
+    return _Watched(baseline, logs, [log.joints for log in logs], [day.joints for day in days])
 
 
 def _free_log(log: str, given: WatchSettings) -> FreeBaseRecording:

@@ -50,6 +50,15 @@ class FrictionPrior:
     mean: Array  # (n, k) [N·m per unit of the column]
     sigma: Array  # standard deviations, (n, k); infinite where there is no prior
 
+    def over(self, other: "FrictionPrior") -> "FrictionPrior":
+        """This prior, and another one where it states none."""
+        known = np.isfinite(self.sigma)
+        mean, sigma = (
+            np.where(known, self.mean, other.mean),
+            np.where(known, self.sigma, other.sigma),
+        )
+        return FrictionPrior(mean, sigma)
+
     def statistics(self, like: Statistics, variance: float) -> Statistics:
         """The prior as rows of least squares."""
         rows, target = np.zeros_like(like.factor), np.zeros_like(like.target)

@@ -85,6 +85,16 @@ def position_errors(
     moved = np.stack([np.interp(t - d, t, c) for d, c in zip(late, command.T, strict=True)], axis=1)
     columns = saved.friction.columns
     constant = [COLUMNS[name].is_constant for name in columns]
+    offset = saved.phi[:, constant].sum(axis=1)
+    parts = saved.record.drive
+    zero = np.array([part.encoder_bias or 0.0 for part in parts]) if parts else np.zeros(n)
+    # Dry friction holds a joint that rests in the first rows.
+    dry, place, still = drive_term(saved, "friction"), recording.q[0] + zero, np.zeros(n)
+    weight = lib.inverse_dynamics(place, still, still, saved.pi) + lib.known_torque(place)
+    load = np.abs(moved[0] - stiffness * recording.q[0] - offset - weight)
+    rests = np.ptp(recording.q[:FIRST], axis=0) <= still_travels(lib)
+    held = np.flatnonzero(rests & (load > dry))
+    dry[held] = load[held]
     # The law acts late as a whole, −K q(t − d) − D dq(t − d): to second order in d a torque of
     # −K q − (D − K d) dq − (K d²/2 − D d) ddq.
     viscous = drive_term(saved, "damping")
@@ -93,19 +103,10 @@ def position_errors(
         stiffness,
         damping=np.maximum(damping - stiffness * late, -viscous),
         viscous=viscous,
-        dry=drive_term(saved, "friction"),
-        offset=saved.phi[:, constant].sum(axis=1),
+        dry=dry,
+        offset=offset,
         armature=np.maximum(inertia, 0.0),
     )
-    parts = saved.record.drive
-    zero = np.array([part.encoder_bias or 0.0 for part in parts]) if parts else np.zeros(n)
-    place = recording.q[0] + zero
-    weight = lib.inverse_dynamics(place, 0 * place, 0 * place, saved.pi) + lib.known_torque(place)
-    push = moved[0] - stiffness * recording.q[0] - drive.offset
-    rests = np.ptp(recording.q[:FIRST], axis=0) <= still_travels(lib)
-    # Dry friction holds a joint that rests in the first rows.
-    held = np.flatnonzero(rests & (np.abs(push - weight) > drive.dry))
-    drive.dry[held] = np.abs(push - weight)[held]
     slope = np.polyfit(t[:FIRST] - t[0], recording.q[:FIRST], 1)[0]
     first = recording.q[0], slope if recording.dq is None else recording.dq[0]
     try:
@@ -120,7 +121,7 @@ def position_errors(
     left = [name for name in columns if not (COLUMNS[name].model_term or COLUMNS[name].is_constant)]
     notes = []
     if held.size:
-        sizes = (f"{lib.joint_names[j]} {significant(drive.dry[j])}" for j in held)
+        sizes = (f"{lib.joint_names[j]} {significant(dry[j])}" for j in held)
         notes.append(
             "positions are predicted with more dry friction than was identified, since it holds "
             f"joints at rest in the first rows: {', '.join(sizes)} [N·m, N]"

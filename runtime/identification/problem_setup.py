@@ -275,26 +275,30 @@ def _aligned(
 def known_friction(
     lib: Library, settings: Settings, columns: tuple[str, ...], friction: Friction
 ) -> FrictionPrior | None:
-    """Prior of the friction coefficients: of the settings, of a file of priors, of the columns."""
-    prior, stated, known = settings.prior, settings.friction_prior, list[FrictionPrior]()
-    if isinstance(stated, KnownFriction):
-        known.append(stated.of(friction, columns))
-    elif stated is not None:
-        known.append(stated)
-    elif prior is not None:
-        known += [] if prior.armature is None else [friction_prior_of(prior.armature, columns)]
-        known += [] if prior.friction is None else [prior.friction.of(friction, columns)]
+    """Prior of the friction coefficients, stated ones before those of the columns."""
+    stated = _stated_friction(settings, columns, friction)
     weak = np.array([COLUMNS[c].prior_sigma if c in COLUMNS else np.inf for c in columns])
-    if np.isfinite(weak).any():
-        sigma = np.tile(weak, (lib.n_joints, 1))
-        known.append(FrictionPrior(np.zeros_like(sigma), sigma))
-    if not known:
-        return None
-    mean, sigma = known[-1].mean, known[-1].sigma
-    for each in reversed(known[:-1]):
-        is_stated = np.isfinite(each.sigma)
-        mean, sigma = np.where(is_stated, each.mean, mean), np.where(is_stated, each.sigma, sigma)
-    return FrictionPrior(mean, sigma)
+    if not np.isfinite(weak).any():
+        return stated
+    sigma = np.tile(weak, (lib.n_joints, 1))
+    of_columns = FrictionPrior(np.zeros_like(sigma), sigma)
+    return of_columns if stated is None else stated.over(of_columns)
+
+
+def _stated_friction(
+    settings: Settings, columns: tuple[str, ...], friction: Friction
+) -> FrictionPrior | None:
+    """Prior of the friction coefficients, of the settings or of a file of priors."""
+    prior, stated = settings.prior, settings.friction_prior
+    if isinstance(stated, KnownFriction):
+        return stated.of(friction, columns)
+    if stated is not None or prior is None:
+        return stated
+    known = None if prior.friction is None else prior.friction.of(friction, columns)
+    if prior.armature is None:
+        return known
+    rotors = friction_prior_of(prior.armature, columns)
+    return rotors if known is None else rotors.over(known)
 
 
 def settings_for(lib: Library, settings: Settings) -> Settings:

@@ -213,9 +213,9 @@ def baseline_of(
     root (p, columns) [β; φ], sigma (n,) [N·m, N].
     """
     model = model_of(saved, lib)
-    first = [_samples(each, lib) for each in references]
-    every = [*([test_rows[1]] if test_rows else []), *first]
-    tau = np.concatenate([samples.tau for samples in every]) if every else sigma[None]
+    torques = [test_rows[1].tau] if test_rows else []
+    torques += [samples_of(_thinned(each), lib).tau for each in references]
+    tau = np.concatenate(torques) if torques else sigma[None]
     over = np.sqrt(weights_from(sigma, tau))
     changes = changes_of(lib, model, tau)
     held_out = []
@@ -264,10 +264,6 @@ def _delay_sigma(saved: SavedResult) -> float:
     return 0.0 if saved.preparation.torque_delay_s is not None else UNKNOWN_DELAY
 
 
-def _samples(recording: Recording, lib: Library) -> Samples:
-    return samples_of(_thinned(recording), lib)
-
-
 def _thinned(recording: Recording) -> Recording:
     step = max(1, -(-len(recording) // MOST_ROWS))
     return recording.take(slice(None, None, step), "Thinned.") if step > 1 else recording
@@ -278,7 +274,7 @@ def _rows(
 ) -> ChangedRows:
     """Equations of a log that is long enough, thinned."""
     if isinstance(log, FreeBaseRecording):
-        rows = free_changed_rows(lib, saved, log, MOST_ROWS)
+        rows = free_changed_rows(lib, saved, log, changes, MOST_ROWS)
     else:
         log = _thinned(log)
         model, samples = model_of(saved, lib), samples_of(log, lib)

@@ -48,7 +48,7 @@ def free_changes_of(lib: Library, saved: SavedResult, log: FreeBaseRecording) ->
 
 
 def free_changed_rows(
-    lib: Library, saved: SavedResult, log: FreeBaseRecording, most: int
+    lib: Library, saved: SavedResult, log: FreeBaseRecording, changes: Changes, most: int
 ) -> ChangedRows:
     """Equations of a log, low-passed as that of the result, at most `most` instants."""
     cutoff = saved.preparation.cutoff_hz
@@ -58,7 +58,7 @@ def free_changed_rows(
     rest = tau - samples.rigid(lib, saved.pi) - samples.columns @ phi
     over = 1.0 / np.maximum(np.maximum(rms(rest), LEAST * rms(tau)), 1e-300)
     named: Array = np.zeros((*tau.shape, 0))
-    if free_changes_of(lib, saved, log).names and motion.tau is not None:
+    if changes.names and motion.tau is not None:
         friction = []
         if motion.friction is not None:
             changing = changing_friction(model_of(saved, lib))

@@ -250,7 +250,8 @@ def model_tests(
             f"the residuals of {', '.join(friction.names(lib))} contain friction that the columns "
             "do not describe, a Stribeck peak or friction that grows with the load "
             f"({friction.excess:.2g} times the threshold): the parameters take up a part of it, "
-            "and their intervals are too narrow; compare with --friction auto"
+            "and their intervals are too narrow; compare with --friction auto (where "
+            "that was given, no column describes this friction)"
         )
     if not (doubt or test.is_contradicted) and misfit > UNFITTED:
         doubt = (

@@ -36,7 +36,7 @@ from runtime.identification.single_log import without_torque_columns
 from runtime.library import Library
 from runtime.recording import EVERYTHING, Friction, Preparation, Recording, Split
 from runtime.recording.coupled_joints import independent_joints
-from runtime.recording.friction.columns import OFFSET
+from runtime.recording.friction.columns import OFFSET, ROTOR
 from runtime.recording.friction.model import default_terms
 from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.recipes.recipe import COMMANDED
@@ -125,7 +125,8 @@ def prepared_log(
         names = [
             name
             for name, columns in FRICTION_MODELS.items()
-            if streamed is None or not has_memory(columns)  # blocks do not hand on its state
+            if (streamed is None or not has_memory(columns))  # blocks do not hand on its state
+            and (ROTOR.name not in columns or ROTOR.name in usable)
         ]
         choice = choose_friction(
             recording, lib, *steps, settings.coulomb_speed, names, extra=further.columns

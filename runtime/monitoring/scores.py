@@ -120,7 +120,9 @@ class Scores:
     error: Array  # Qᵀ X L, (r, p)
     shape: Array  # Qᵀ N, nuisance columns, (r, SHAPES n)
     noise: Array  # V, (r, r)
-    misfit: float  # c over that of white noise behind the same low-pass filter
+    # c over that of white noise behind the same low-pass filter; inf where the band of the motion
+    # holds all that passes: noise of any colour may look white there
+    misfit: float
     blocks: int  # number of blocks
     n_eff: float  # effective number of samples
 
@@ -288,7 +290,8 @@ def scores_of_rows(rows: ChangedRows, root: Array) -> Scores:
     if rows.sessions is not None:
         of_session = q.T @ rows.sessions.reshape(count * n, -1)
         noise += of_session @ of_session.T
-    misfit = level / (rows.low_pass * max(coloured.variance, 1e-300))
+    is_shown = rows.cosines * rows.low_pass < count
+    misfit = level / (rows.low_pass * max(coloured.variance, 1e-300)) if is_shown else np.inf
     error = q.T @ (rows.known.reshape(count * n, -1) @ root)
     n_eff = count / max(coloured.inflation, 1.0)
     shape = q.T @ rows.shapes.reshape(count * n, -1)

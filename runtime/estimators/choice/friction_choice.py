@@ -1,6 +1,6 @@
 """Choice of the friction model by cross-validation of candidates in the order of complexity.
 
-    offset → viscous → coulomb → asymmetric → stribeck → dahl → load       (`friction`)
+    offset → viscous → coulomb → asymmetric → stribeck → dahl → load → gear       (`friction`)
 
 The training part is cut into contiguous blocks, which keep the correlation of neighbouring rows,
 each compressed to a triangular factor. A candidate is fitted, with the base parameters, to all
@@ -78,6 +78,7 @@ FRICTION_MODELS: dict[str, tuple[str, ...]] = {
     "stribeck": (*_BASE, "stribeck"),
     "dahl": ("offset", "viscous", "dahl"),
     "load": (*_BASE, "load"),
+    "gear": ("offset", "viscous", "dahl", "load", "rotor"),
 }
 """Name of a candidate → its columns, in the order of complexity."""
 
@@ -86,7 +87,7 @@ WIDTHS: dict[str, tuple[str, tuple[float, ...]]] = {
     "stribeck": ("stribeck_speed", tuple(0.02 * 2.0**k for k in range(6))),
     "dahl": ("dahl_stroke", tuple(2e-4 * 2.0**k for k in range(8))),
 }
-"""Name of a candidate → its width and the grid that is searched, rad/s or rad."""
+"""Column → its width and the grid that is searched, rad/s or rad."""
 
 _WIDTH = 0.02
 """Relative accuracy of a width."""
@@ -175,12 +176,13 @@ def choose_friction(
         start = trial.best_width(start, dry)
     models = {}
     for name in names:
-        model = replace(start, columns=(*FRICTION_MODELS[name], *extra))
-        if name in WIDTHS and name != dry:
-            model = trial.best_width(model, name)
+        model = replace(start, columns=tuple(dict.fromkeys((*FRICTION_MODELS[name], *extra))))
+        wide = [each for each in FRICTION_MODELS[name] if each in WIDTHS and each != dry]
+        for each in wide:
+            model = trial.best_width(model, each)
         if free and len(FRICTION_MODELS[name]) > len(_BASE):
-            model = trial.best_width(model, dry, near=True)
-            model = trial.best_width(model, name, near=True) if name in WIDTHS else model
+            for each in (dry, *wide):
+                model = trial.best_width(model, each, near=True)
         models[name] = model
     first = {name: float(trial.score(each)[0].mean()) for name, each in models.items()}
     trial.weigh_by(models[min(first, key=lambda name: first[name])])
@@ -227,9 +229,9 @@ class _Trial:
         """Estimate the noise of the joints from the residuals of a fit with these terms."""
         self._weights, self._inflation = _noise(self._lib, self._blocks(terms))
 
-    def best_width(self, terms: Friction, candidate: str, near: bool = False) -> Friction:
+    def best_width(self, terms: Friction, column: str, near: bool = False) -> Friction:
         """Search the width with the best score: on a grid, then between its points."""
-        key, grid = WIDTHS[candidate]
+        key, grid = WIDTHS[column]
 
         def score(log_width: float) -> float:
             return float(self.score(_with(terms, key, log_width))[0].mean())

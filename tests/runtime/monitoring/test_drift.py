@@ -487,3 +487,36 @@ def test_a_rest_adds_the_square_of_its_dry_friction(
     )
     assert np.abs(two - one).max() > 0
     np.testing.assert_allclose(three - one, 8 / 3 * (two - one), atol=1e-9 * np.abs(one).max())
+
+
+@pytest.mark.parametrize(("cutoff_hz", "changes"), [(3.0, False), (20.0, True)])
+def test_a_low_pass_in_the_band_of_the_motion_does_not_make_a_simulation(
+    lib: Library,
+    trajectories: tuple[Trajectory, ...],
+    pi_true: np.ndarray,
+    tmp_path: Path,
+    cutoff_hz: float,
+    changes: bool,
+) -> None:
+    """Property: noise of any colour looks white below 3 Hz; 15 % of friction are usual.
+
+    Behind 20 Hz white noise is seen, as of a simulation, whose friction does not change.
+    """
+    terms, steps = (
+        Friction(("viscous", "coulomb", "offset"), 0.03),
+        Preparation(filter="butterworth", cutoff_hz=cutoff_hz),
+    )
+    logs = []
+    for k, change in enumerate((0.0, 0.15)):
+        scale = 1 + change * np.array([1, -1, 1, -1, 1, -1, 1])
+        friction = {key: scale * value for key, value in FRICTION.items()}
+        plant = Plant(pi_true, **friction, torque_noise=NOISE)
+        logs.append(ideal(lib, trajectories[k], plant, rng=np.random.default_rng(k)))
+    write_result(identify_recording(logs[0], lib, friction=terms, preparation=steps), tmp_path, "")
+    saved = read_result(tmp_path)
+    model = model_of(saved, lib)
+    sigma = np.sqrt(np.mean(read_held_out(tmp_path, model).rest ** 2, axis=0))
+    root = read_posterior(tmp_path, saved, lib).of_readings().root(lib)
+    baseline = baseline_of(lib, saved, root, sigma, read_test_rows(tmp_path, model))
+    verdict = verdict_of(lib, baseline, prepare(logs[1], steps, terms, lib=lib))
+    assert verdict.changed == changes, verdict.sentence()

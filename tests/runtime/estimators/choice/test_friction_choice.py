@@ -25,6 +25,7 @@ PHI = {  # N·m per unit of the column: of the size of a Franka's, see the commo
     "stribeck": 0.3,
     "dahl": 0.5,
     "load": 0.02,
+    "rotor": 0.1,
 }
 
 
@@ -59,6 +60,15 @@ def test_the_candidate_that_made_the_data_is_chosen(candidate, lib, ideal_runs):
     if candidate == "dahl":
         np.testing.assert_allclose(choice.chosen.terms.dahl_stroke, 4e-3, **near)
     # The true model's score is the noise: 1 + 2 · 71 unknowns / 6650 equations, and √(2 / 6650).
+    assert abs(choice.chosen.score - 1.0) < 0.06
+
+
+def test_a_gear_has_memory_load_and_rotor(lib, ideal_runs):
+    """Oracle: simulated truth; without one of the three, `auto` is worse than the default."""
+    truth = Friction(("offset", "viscous", "dahl", "load", "rotor"), 0.03, dahl_stroke=4e-3)
+    log = _with_friction(ideal_runs[0], lib, truth)
+    choice = choose_friction(log, lib, split=WHOLE)
+    assert choice.chosen.terms.columns == truth.columns, choice.sentence
     assert abs(choice.chosen.score - 1.0) < 0.06
 
 

@@ -6,7 +6,11 @@ import numpy as np
 import pinocchio
 from numpy.typing import NDArray
 
+from runtime.recording import Split
+
 Array = NDArray[np.float64]
+HALF = Split((0.0, 0.4), (0.4, 0.5), (0.5, 1.0))
+"""The first half trains, by methods that nothing is tuned for."""
 
 
 @dataclass(frozen=True, slots=True)

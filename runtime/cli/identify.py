@@ -13,17 +13,23 @@ from pathlib import Path
 from typing import Any
 
 from runtime.cli.common import ResultFolder, counting, open_robot, state
-from runtime.cli.free_base import identify_free_base_log
+from runtime.cli.free_base import print_walk
 from runtime.cli.identify_settings import IdentifySettings
-from runtime.cli.log_options import prior_of, runs_of
+from runtime.cli.log_options import runs_of
 from runtime.cli.shown_progress import shown_progress
 from runtime.common.tables import Table
 from runtime.common.terminal import VERBOSE, command_line, program, say, say_notes, show
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.contradictions import FOLLOWS
 from runtime.estimators.descent.fit import PRESETS
-from runtime.estimators.methods import METHODS, chosen_method
+from runtime.estimators.methods import DEFAULT, METHODS, chosen_method
 from runtime.estimators.optimizers import Status
+from runtime.identification.free_base.prepared_walk import usual_rows
+from runtime.identification.free_base.result import (
+    FreeBaseIdentification,
+    statistics_of_walk,
+    write_free_base,
+)
 from runtime.identification.identified import Identification
 from runtime.identification.identify import SEVERAL_STREAMED, Source, identify, with_row_marks
 from runtime.identification.posterior_file import spring_lines
@@ -37,9 +43,11 @@ from runtime.library import Array, Library
 from runtime.outputs.model_files.export import write_urdf
 from runtime.outputs.report.report import left_out_table, write_report
 from runtime.recording import read_recording
+from runtime.recording.free_base import read_free_base
 from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.streamed import StreamedRecording, is_large, open_log
 
+AnyResult = Identification | FreeBaseIdentification
 LEFT_OUT = "Leave one log out: torque error of each log"
 STATISTICS = "statistics.npz"
 
@@ -143,7 +151,7 @@ def _print_details(result: Identification, record: ResultRecord) -> None:
     say_notes(record.warnings)
 
 
-def _written(result: Identification, folder: Path, given: IdentifySettings) -> list[str]:
+def _written(result: AnyResult, folder: Path, given: IdentifySettings) -> list[str]:
     """Write the files beside result.json; a line for each. Those of an earlier result go."""
     lines = [urdf_line(result, folder)]
     if given.report:
@@ -151,14 +159,20 @@ def _written(result: Identification, folder: Path, given: IdentifySettings) -> l
     else:
         (folder / "report.html").unlink(missing_ok=True)
     if given.save_statistics:
-        write_statistics(statistics_of(result, folder.resolve().name), folder / STATISTICS)
+        name = folder.resolve().name
+        known = (
+            statistics_of(result, name)
+            if isinstance(result, Identification)
+            else statistics_of_walk(result, name)
+        )
+        write_statistics(known, folder / STATISTICS)
         lines.append(f"statistics: {folder / STATISTICS}")
     else:
         (folder / STATISTICS).unlink(missing_ok=True)
     return lines
 
 
-def urdf_line(result: Identification, folder: Path) -> str:
+def urdf_line(result: AnyResult, folder: Path) -> str:
     """Write identified.urdf of a consistent result, else remove that of an earlier one."""
     path = folder / "identified.urdf"
     if result.is_consistent:
@@ -238,15 +252,10 @@ def identify_command(given: IdentifySettings) -> None:
     parameters so far.
     """
     lib = open_robot(given.robot, given.yes, takes_free_base=True)
-    if lib.manifest.floating:
-        identify_free_base_log(lib, given, prior_of(given.prior, lib))
-        return
-    if given.rows is not None:
-        raise IdentificationError(
-            f"the setting rows belongs to robots with a free base, and that of '{lib.name}' is "
-            "fixed; leave it out, or build the robot with --floating"
-        )
     settings = given.fitted(lib)
+    if lib.manifest.floating:
+        _identify_walk(lib, given, settings)
+        return
     place = ("--recipe", given.recipe) if given.recipe else ()
     words = ("inspect", given.logs[0], "--robot", given.robot, *place)
     inspect = f"{program()} {shlex.join(words)} --recipe-out proposed.toml"
@@ -268,6 +277,40 @@ def identify_command(given: IdentifySettings) -> None:
         result = with_row_marks(result, opened, settings.split)
     _WRITTEN.begin(folder, given)
     finish(result, folder, given, inspect)
+
+
+OF_WALK = (
+    *("logs", "robot", "yes", "rows", "cutoff", "split", "prior", "out", "overwrite", "report"),
+    *("friction", "coulomb_speed", "delay", "method", "preset", "symmetric", "tie", "robust"),
+    "save_statistics",
+)
+"""Parameters of the command that apply to a robot with a free base."""
+
+
+def _identify_walk(lib: Library, given: IdentifySettings, settings: Settings) -> None:
+    """Identify a robot with a free base, write the result and print it."""
+    unused = [option for name, option in given.stated().items() if name not in OF_WALK]
+    if unused:
+        raise IdentificationError(
+            f"{unused[0]} does not apply to a robot with a free base; leave it out"
+        )
+    if len(given.logs) != 1:
+        raise IdentificationError(
+            f"expected one log of a robot with a free base, got {len(given.logs)}; identify each "
+            "alone"
+        )
+    log = read_free_base(Path(given.logs[0]))
+    method = chosen_method(settings.method, settings.preset, settings.prior)
+    words = (Path(given.logs[0]).stem, settings.rows or usual_rows(log))
+    folder = given.out or Path("results") / "-".join((*words, *[method] * (method != DEFAULT)))
+    _WRITTEN.require(folder, given, given.overwrite)
+    with counting(state()) as bar:
+        result = identify(log, lib, settings, progress=shown_progress(bar, method, lib.name))
+    _WRITTEN.begin(folder, given)
+    write_free_base(result, folder, command_line())
+    files = _written(result, folder, given)
+    for line in (*print_walk(result), *files, f"result: {folder / 'result.json'}"):
+        say(line)
 
 
 @contextmanager

@@ -216,22 +216,24 @@ class LaterLogChoices(ResultChoices):
     )
 
 
+TRAINED = 0.8
+"""Share of training in what is not the test, where --split states the end of both alone."""
+
+
 def split_of(text: str | None) -> Split | None:
     """Parts of a log from --split."""
     if text is None:
         return None
     if text == "all":
         return EVERYTHING
-    a, b = fractions_of(text)
-    return Split((0.0, a), (a, b), (b, 1.0))
-
-
-def fractions_of(text: str) -> tuple[float, float]:
-    """Ends of training and validation from "A,B"."""
-    a, b = numbers_option(text, 2, "--split")
+    if "," in text:
+        a, b = numbers_option(text, 2, "--split")
+    else:
+        (b,) = numbers_option(text, 1, "--split")
+        a = TRAINED * b
     if not 0 < a < b < 1:
         raise IdentificationError(f"--split needs 0 < A < B < 1, got '{text}'")
-    return a, b
+    return Split((0.0, a), (a, b), (b, 1.0))
 
 
 def runs_of(logs: Sequence[str], run: str | None) -> list[tuple[str, str | None]]:

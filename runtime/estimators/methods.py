@@ -140,7 +140,7 @@ def _require_rows(problem: Problem, record: Method, preset: Any) -> None:
     """Refuse rows without accelerations where τ(q, dq, ddq) itself is evaluated."""
     if problem.train.base is None:
         return
-    joints = record.every_joint and problem.train.equations < problem.lib.n_joints
+    joints = record.every_joint and problem.train.equations == 1 < problem.lib.n_joints
     if not (record.needs_samples(preset) or joints):
         return
     batches = record.from_statistics and not joints

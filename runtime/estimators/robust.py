@@ -165,7 +165,7 @@ def _residual(lib: Library, rows: Samples, part: Samples, weights: Array) -> Arr
     s = from_triangle(triangle, float(len(part)), lib.base_matrix, "")
     x, _ = least_squares(s.factor, s.target)
     rigid = rows.base_rigid(lib, x[: s.n_base])
-    phi = x[s.n_base :].reshape(rows.columns.shape[1:])
+    phi = x[s.n_base :].reshape(rows.shape)
     return rows.tau - rigid - (rows.friction(phi) if phi.size else 0.0)
 
 

@@ -35,7 +35,7 @@ from runtime.estimators.convex.entropic_prior import (
 )
 from runtime.estimators.prior_file import prior_about
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of
-from runtime.estimators.regression.factor import Statistics, compress, reduce
+from runtime.estimators.regression.factor import Reduced, Statistics, compress, reduce
 from runtime.estimators.regression.model_error import free_fit, model_error_of
 from runtime.estimators.regression.posterior import DETERMINED, Posterior, posterior_of
 from runtime.estimators.regression.samples import (
@@ -234,26 +234,18 @@ def uncertainty_of(
     rest = residuals(lib, samples, pi, phi)
     coloured = coloured_noise
     if statistics is None or coloured is None:
-        weights = weights_from(noise(rest, lib, phi.size), samples.tau)
-        statistics = compressed(weights) if compressed else compress(lib, samples, weights)
-        coloured = coloured_noise_of(lib, [samples], statistics, weights)
+        _, statistics, coloured = visible_noise(lib, samples, pi, phi, compressed)
     # C = (AᵀA/S + κ B)⁻¹: A of weighted data with friction eliminated, B of the prior.
     fit = free_fit(lib, samples, weights_from(noise(rest, lib, phi.size), samples.tau))
     widened = model_error_of(lib, fit, pi, statistics, gain_sigma)
     data, _ = reduce(widened.statistics, samples.equations)
-    bodies, prior = bodies_of(lib), prior_about(lib, first_guess, centre)
-    inside = bodies.log_det(pi) is not None
+    prior = prior_about(lib, first_guess, centre)
     level = max(coloured.density, np.finfo(float).tiny)
-    rows, target = data.factor / np.sqrt(level), data.target / np.sqrt(level)
-    spread = spread_of(bodies, pi if inside else prior.centre, rows, kappa)
-    # What the estimate differs from data with hardly any prior counts as its error, unless the
-    # trust in the prior was estimated from other units of the type.
-    reference, vague = vague_posterior(lib, prior, rows, target)
-    if centre is not None:
-        reference = pi
-    usual = spread.root if is_most_probable else vague
-    moved, phi_nuisance = nuisance_of_slopes(lib, widened.statistics, widened.slopes, level, usual)
-    root = np.column_stack([usual, moved, pi - reference])
+    spread = laplace(
+        *(lib, widened.statistics, data, level, pi, prior, kappa, widened.slopes),
+        is_most_probable=is_most_probable,
+        is_of_type=centre is not None,
+    )
     outcome = ModelTests()
     if tests:
         outcome = model_tests(
@@ -273,25 +265,80 @@ def uncertainty_of(
     known = int(np.sum(excited > 1e-9 * excited[:1]))  # the largest is first
     rank = min(known + shared, len(base))
     return Uncertainty(
-        root=root,
-        share=spread.share,
-        verdicts=tuple(verdict(q, float(s)) for q, s in zip(silent, spread.share, strict=True)),
-        beta_sigma=np.linalg.norm(base @ root, axis=1),
-        beta_verdicts=beta_verdicts(base, spread, vague),
+        root=spread.root,
+        share=spread.by_kappa.share,
+        verdicts=tuple(
+            verdict(q, float(s)) for q, s in zip(silent, spread.by_kappa.share, strict=True)
+        ),
+        beta_sigma=np.linalg.norm(base @ spread.root, axis=1),
+        beta_verdicts=beta_verdicts(base, spread.by_kappa, spread.vague),
         noise=noise(rest, lib, phi.size, coloured.inflation),
         n_samples=round(statistics.n_samples),
         n_eff=statistics.n_samples / coloured.inflation,
         inflation=coloured.inflation,
         white=white_share(rest),
         rank=rank,
-        determined=spread.determined,
+        determined=spread.by_kappa.determined,
         conditioning=float(excited[rank - 1] / excited[0]) if rank else 0.0,
         information=LogInformation(widened.statistics, float(level), kappa, prior.centre),
         tests=outcome,
-        phi_nuisance=phi_nuisance,
+        phi_nuisance=spread.phi_nuisance,
         gain_sigma=widened.gain_sigma if widened.gains else 0.0,
         gains=widened.gains,
     )
+
+
+def visible_noise(
+    lib: Library,
+    samples: Samples,
+    pi: Array,
+    phi: Array,
+    compressed: Callable[[Array], Statistics] | None = None,
+) -> tuple[Array, Statistics, ColouredNoise]:
+    """Weights by the residuals of a model, statistics with them, and the noise of these rows."""
+    rest = residuals(lib, samples, pi, phi)
+    weights = weights_from(noise(rest, lib, phi.size), samples.tau)
+    statistics = compressed(weights) if compressed else compress(lib, samples, weights)
+    return weights, statistics, coloured_noise_of(lib, [samples], statistics, weights)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spread:
+    """Spread of π about an estimate."""
+
+    root: Array  # of C, of m columns of nuisance torque, and the error of the estimate
+    phi_nuisance: Array  # what the m columns move φ at known π, (n k, m)
+    by_kappa: Posterior  # with the trust κ in the prior
+    vague: Array  # root of C_v
+
+
+def laplace(
+    lib: Library,
+    statistics: Statistics,
+    data: Reduced,
+    level: float,
+    pi: Array,
+    prior: Prior,
+    kappa: float,
+    slopes: Array,
+    *,
+    is_most_probable: bool,
+    is_of_type: bool = False,
+) -> Spread:
+    """Laplace's approximation about π̂: data with friction eliminated, slopes of nuisance torque."""
+    bodies = bodies_of(lib)
+    inside = bodies.log_det(pi) is not None
+    rows, target = data.factor / np.sqrt(level), data.target / np.sqrt(level)
+    by_kappa = spread_of(bodies, pi if inside else prior.centre, rows, kappa)
+    # What the estimate differs from data with hardly any prior counts as its error, unless the
+    # trust in the prior was estimated from other units of the type.
+    reference, vague = vague_posterior(lib, prior, rows, target)
+    if is_of_type:
+        reference = pi
+    usual = by_kappa.root if is_most_probable else vague
+    moved, phi_nuisance = nuisance_of_slopes(lib, statistics, slopes, level, usual)
+    root = np.column_stack([usual, moved, pi - reference])
+    return Spread(root, phi_nuisance, by_kappa, vague)
 
 
 def without_gains(root: Array, gains: int) -> Array:

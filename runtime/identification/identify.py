@@ -10,24 +10,19 @@ N(0, σ₀²), have the precision Σ 1/σ_k² − (K − 1)/σ₀².
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Unpack
+from typing import Unpack, overload
 
 import numpy as np
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.constraints import Constraints
 from runtime.estimators.methods import METHODS, chosen_method
-from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.regression.recorded_delay import with_delay, with_dry_friction
 from runtime.identification.drive.estimate import NO_BIAS, identify_drive
 from runtime.identification.drive.result import DriveFit, DriveRequest
-from runtime.identification.drive.symmetry import (
-    identify_tied,
-    mirrored_joints,
-    mirrored_links,
-    with_sides,
-)
+from runtime.identification.drive.symmetry import identify_tied, with_mirrored_links, with_sides
+from runtime.identification.free_base.identify import identify_free_base
+from runtime.identification.free_base.result import FreeBaseIdentification
 from runtime.identification.identified import Identification
 from runtime.identification.long_logs import require_streamable
 from runtime.identification.prepared_log import (
@@ -53,6 +48,7 @@ from runtime.library import Library, require_library
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.commanded_torque import without_ends
 from runtime.recording.coupled_joints import independent_joints
+from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.row_marks import COUNT, row_marks
@@ -68,15 +64,40 @@ Source = Recording | StreamedRecording | NamedLog
 """A log: in memory, in its file, or with its name and known payload."""
 
 
-@one_blas_thread
+ShownProgress = Callable[[int, float], None] | Progress | None
+
+
+@overload
+def identify(
+    log: FreeBaseRecording,
+    lib: Library,
+    settings: Settings | str | None = None,
+    *,
+    progress: ShownProgress = None,
+    **keywords: Unpack[SettingKeywords],
+) -> FreeBaseIdentification: ...
+
+
+@overload
 def identify(
     log: Source | Sequence[Source],
     lib: Library,
     settings: Settings | str | None = None,
     *,
-    progress: Callable[[int, float], None] | Progress | None = None,
+    progress: ShownProgress = None,
     **keywords: Unpack[SettingKeywords],
-) -> Identification:
+) -> Identification: ...
+
+
+@one_blas_thread
+def identify(
+    log: Source | Sequence[Source] | FreeBaseRecording,
+    lib: Library,
+    settings: Settings | str | None = None,
+    *,
+    progress: ShownProgress = None,
+    **keywords: Unpack[SettingKeywords],
+) -> Identification | FreeBaseIdentification:
     """Identify π, and friction, of a robot from a log or from several logs, as the command does.
 
         argmin_{π, φ}  Σ ‖τ − Y π − F φ‖²_W + prior(π)       every body with positive mass
@@ -91,7 +112,8 @@ def identify(
     Several logs give one set of parameters with a torque offset per joint and log.
 
     Args:
-        log: as `read_recording` or `open_log` return it, or several of them.
+        log: as `read_recording` or `open_log` return it, or several of them; that of a robot with
+            a free base as `read_free_base` returns it.
         lib: library of the robot.
         settings: what is done; a string is the name of a method, None the defaults.
         progress: called by methods that iterate, with iteration and best validation loss; a
@@ -105,14 +127,10 @@ def identify(
         RuntimeFault: the data or settings do not make an identification problem.
     """
     require_library(lib)
-    if not isinstance(log, Recording | StreamedRecording | NamedLog | Sequence) or not all(
-        isinstance(each, Recording | StreamedRecording | NamedLog)
-        for each in (log if isinstance(log, Sequence) else ())
-    ):
-        raise IdentificationError(
-            f"expected a log, as runtime.read_recording gives it, or several, got {log!r:.60}"
-        )
     chosen = settings_from(settings, keywords)
+    if isinstance(log, FreeBaseRecording):
+        return identify_free_base(log, lib, settings_for(lib, chosen))
+    _require_logs(log, lib, chosen)
     pairs = tuple(chosen.symmetric)
     prior = with_mirrored_links(chosen.prior, lib, pairs, chosen.tie)
     chosen = settings_for(lib, replace(chosen, prior=prior))
@@ -166,6 +184,26 @@ def identify(
     if pairs:
         result = with_sides(result, pairs)
     return replace(result, notes=(*notes, *result.notes))
+
+
+def _require_logs(log: Source | Sequence[Source], lib: Library, settings: Settings) -> None:
+    if not isinstance(log, Recording | StreamedRecording | NamedLog | Sequence) or not all(
+        isinstance(each, Recording | StreamedRecording | NamedLog)
+        for each in (log if isinstance(log, Sequence) else ())
+    ):
+        raise IdentificationError(
+            f"expected a log, as runtime.read_recording gives it, or several, got {log!r:.60}"
+        )
+    if lib.manifest.floating:
+        raise IdentificationError(
+            f"the base of '{lib.name}' is free, and the log is one of joints alone; give one with "
+            "the motion of the base (read_free_base), or build the robot without --floating"
+        )
+    if settings.rows is not None:
+        raise IdentificationError(
+            f"the setting rows belongs to robots with a free base, and that of '{lib.name}' is "
+            "fixed; leave it out, or build the robot with --floating"
+        )
 
 
 def with_row_marks(
@@ -254,25 +292,6 @@ def drive_request(data: PreparedLog, settings: Settings, method: str) -> DriveRe
     if not (estimated or wanted or (commanded and method == "map")):
         return None
     return DriveRequest(estimated, settings.delay == PER_JOINT, wanted)
-
-
-def with_mirrored_links(
-    prior: PriorFile | None, lib: Library, symmetric: tuple[str, ...], is_tied: bool
-) -> PriorFile | None:
-    """Inertial prior, with equations that tie the links of mirrored joints where requested."""
-    if not is_tied and not symmetric:
-        return prior
-    if not is_tied:
-        mirrored_joints(lib.joint_names, symmetric)
-        return prior
-    if not symmetric:
-        raise IdentificationError(
-            "--settings tie=true needs the names of the mirrored joints, got none; give "
-            "--settings symmetric=LEFT:RIGHT"
-        )
-    usual = prior or PriorFile(None, Constraints())
-    rows = (*usual.constraints.equations, *mirrored_links(lib, symmetric))
-    return replace(usual, constraints=replace(usual.constraints, equations=rows))
 
 
 def delayed(data: PreparedLog, settings: Settings) -> Preparation | None:

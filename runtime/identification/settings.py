@@ -81,6 +81,8 @@ class Settings:
         gain_sigma: largest relative standard deviation of the gain of every torque sensor or
             current, that of its data sheet; intervals of parameters contain it, or a smaller one
             that the log shows. A model that predicts readings of the same sensors does not need it.
+        rows: equations of a robot with a free base, "base", "joints" or "all"; None is all, and
+            base for a log without torques.
     """
 
     method: str | None = None
@@ -107,6 +109,7 @@ class Settings:
     robust: bool = False
     friction_prior: FrictionPrior | KnownFriction | None = None
     gain_sigma: float = GAIN_SIGMA
+    rows: str | None = None
 
     def __post_init__(self) -> None:
         cutoff_of(self.cutoff)  # refused here, before a log is read
@@ -126,7 +129,12 @@ class Settings:
 def require_default(settings: Settings, names: Sequence[str], task: str) -> None:
     """Refuse fields that a task cannot use; the task is the subject of the message."""
     default = Settings()
-    given = [name for name in names if getattr(settings, name) is not getattr(default, name)]
+    stated = {name: (getattr(settings, name), getattr(default, name)) for name in names}
+    given = [
+        name
+        for name, (value, usual) in stated.items()
+        if value is not usual and not (isinstance(value, float) and value == usual)
+    ]
     if given:
         raise IdentificationError(
             f"{task} takes no {', '.join(given)}; leave {'it' if len(given) == 1 else 'them'} "
@@ -173,6 +181,7 @@ class SettingKeywords(TypedDict, total=False):
     robust: bool
     friction_prior: FrictionPrior | KnownFriction | None
     gain_sigma: float
+    rows: str | None
 
 
 NAMES = tuple(each.name for each in fields(Settings))

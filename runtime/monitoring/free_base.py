@@ -52,7 +52,7 @@ def free_changed_rows(
 ) -> ChangedRows:
     """Equations of a log, low-passed as that of the result, at most `most` instants."""
     cutoff = saved.preparation.cutoff_hz
-    motion, rows, phi = rows_by_result(log, lib, saved, cutoff, most)
+    motion, rows, phi, _ = rows_by_result(log, lib, saved, cutoff, most)
     samples, errors = rows.samples, sensor_errors(motion.contacts)
     tau, base = samples.tau, samples.base_rows(lib)
     rest = tau - samples.rigid(lib, saved.pi) - samples.columns @ phi

@@ -20,7 +20,9 @@ from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.free_base import drives
 from runtime.identification.free_base.identify import identify_free_base
 from runtime.identification.free_base.result import FreeBaseIdentification
+from runtime.identification.identify import identify
 from runtime.identification.result_record import VerticalForcePart
+from runtime.identification.settings import Settings
 from runtime.library import Array, Library, load, to_pinocchio_order
 from runtime.library.parameters import FIRST_MOMENT, MASS, links
 from runtime.recording.formats.npz import open_npz
@@ -30,7 +32,7 @@ from symgen.chain import ChainOptions
 from symgen.chain.document import MOVING, Document
 from symgen.make.pipeline import build
 from symgen.make.request import BuildRequest
-from tests.free_base_logs import Experiment, virtual_log
+from tests.free_base_logs import HALF, Experiment, virtual_log
 from tests.robots import ONE_LEVEL
 from tests.walking_logs import G1, GO2, WalkingLog, walking_log
 
@@ -98,7 +100,7 @@ def recovery(robot: str, models: Path, folder: Path, trials: int, rows: str = "a
     errors, singles, before, consistent, covered, feasible = [], [], [], 0, 0, []
     for seed in range(trials):
         log = virtual_log(lib.urdf(), chosen.feet, seed, chosen.experiment)
-        result = identify_free_base(free_base_of(log.arrays, robot), lib, rows)
+        result = identify(free_base_of(log.arrays, robot), lib, rows=rows)
         true = log.pi.reshape(-1, 10)[:, order].ravel()
         beta = lib.base_matrix @ true
         change = lib.base_matrix @ result.pi - beta
@@ -151,7 +153,9 @@ def walking(data: Path, folder: Path) -> Sheet:
     recording = free_base_of(arrays, "walking.npz")
 
     def identified(read: FreeBaseRecording, cutoff: float = DRIVER_HZ) -> FreeBaseIdentification:
-        return identify_free_base(read, lib, "base", cutoff_hz=cutoff, share=0.5, trim_s=TRIM_S)
+        return identify_free_base(
+            read, lib, Settings(rows="base", cutoff=cutoff, split=HALF), trim_s=TRIM_S
+        )
 
     result = identified(recording)
     without = []
@@ -232,7 +236,7 @@ def trial(robot: str, seed: int, lib: Library, urdf: str) -> Trial:
     """One virtual robot."""
     log = walking_log(urdf, GAITS[robot], seed)
     start = time.process_time()
-    result = identify_free_base(free_base_of(log.arrays, robot), lib, "all", cutoff_hz=CUTOFF_HZ)
+    result = identify(free_base_of(log.arrays, robot), lib, rows="all", cutoff=CUTOFF_HZ)
     seconds = time.process_time() - start
     order = np.argsort(to_pinocchio_order(np.arange(10.0)))
     true = log.pi.reshape(-1, 10)[:, order].ravel()

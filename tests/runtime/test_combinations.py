@@ -5,9 +5,10 @@ from pathlib import Path
 import pytest
 
 from runtime.library import Library, load
+from symgen.chain import ChainOptions
 from symgen.make.pipeline import build
 from symgen.make.request import BuildRequest
-from tests.robots import DATA, ONE_LEVEL
+from tests.robots import ONE_LEVEL
 from tests.runtime import combinations
 from tests.runtime.combinations import AFTERWARDS, FEATURES, KINDS, REASONS
 from tests.runtime.conftest import Command
@@ -37,12 +38,18 @@ def pair(root: Path) -> Library:
 
 
 @pytest.fixture(scope="module")
+def walker(root: Path) -> Library:
+    """The same on a free base."""
+    request = BuildRequest("walker", combinations.WALKER, ChainOptions(floating=True))
+    return load(build(request, root, levels=ONE_LEVEL).folder)
+
+
+@pytest.fixture(scope="module")
 def logs(pair: Library, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of the logs of all kinds, and of the results."""
     folder = tmp_path_factory.mktemp("logs")
     combinations.write_logs(pair, folder)
-    urdf = (DATA / "hopper.urdf").read_text()
-    combinations.write_walk(urdf, ("left_foot", "right_thigh"), folder)
+    combinations.write_walk(folder)
     return folder
 
 
@@ -58,12 +65,12 @@ def test_a_cell(
     kind: combinations.Kind,
     feature: str,
     pair: Library,
-    hopper: Library,
+    walker: Library,
     logs: Path,
     command: Command,
 ) -> None:
     """Property: the answer of the command is that of the page."""
-    lib = pair if kind.robot == "pair" else hopper
+    lib = pair if kind.robot == "pair" else walker
     before, words = combinations.words_of(kind, feature, lib.folder)
     if before and not (logs / kind.name.replace(" ", "-")).exists():
         assert command(*before).code == 0

@@ -52,7 +52,7 @@ def predicted(lib: Library, block: Samples, x: Array) -> Array:
     """Torque of x = [β; φ] on the rows of a block, (N, n) [N·m, N]."""
     n_base = len(lib.base_columns)
     rigid = block.base_rigid(lib, x[:n_base])
-    phi = x[n_base:].reshape(block.columns.shape[1:])
+    phi = x[n_base:].reshape(block.shape)
     return np.asarray(rigid + block.friction(phi) if phi.size else rigid)
 
 
@@ -149,12 +149,6 @@ def choose_friction(
     """
     require_recording(recording)
     require_library(lib)
-    wrong = [name for name in names if name not in FRICTION_MODELS]
-    if wrong or not names:
-        raise IdentificationError(
-            f"there is no friction model '{wrong[0] if wrong else ''}'; choose from "
-            f"auto, {', '.join(FRICTION_MODELS)}"
-        )
     bare = before_test(recording, split).replace(columns=None, column_names=())
 
     made: Array | None = None  # rows without accelerations are by far the dearest part: kept
@@ -165,10 +159,31 @@ def choose_friction(
         made = done.rows
         if done.columns is not None and done.tau is not None:
             done = without_columns(done, unresolved(done.columns, done.tau))
-        cuts = np.array_split(np.arange(len(done)), BLOCKS)
-        whole = samples_of(done, lib)
-        return [whole.rows(slice(int(c[0]), int(c[-1]) + 1)) for c in cuts if c.size]
+        return in_blocks(samples_of(done, lib))
 
+    return choose_among(lib, blocks, coulomb_speed, names, extra)
+
+
+def in_blocks(whole: Samples) -> list[Samples]:
+    """Contiguous blocks of samples."""
+    cuts = np.array_split(np.arange(len(whole)), BLOCKS)
+    return [whole.rows(slice(int(c[0]), int(c[-1]) + 1)) for c in cuts if c.size]
+
+
+def choose_among(
+    lib: Library,
+    blocks: Callable[..., list[Samples]],
+    coulomb_speed: float | None = None,
+    names: Sequence[str] = tuple(FRICTION_MODELS),
+    extra: tuple[str, ...] = (),
+) -> FrictionChoice:
+    """Choose a friction model for rows of any robot: terms → `BLOCKS` blocks of them."""
+    wrong = [name for name in names if name not in FRICTION_MODELS]
+    if wrong or not names:
+        raise IdentificationError(
+            f"there is no friction model '{wrong[0] if wrong else ''}'; choose from "
+            f"auto, {', '.join(FRICTION_MODELS)}"
+        )
     # Every candidate with its best widths; ε starts from that of the candidate "coulomb".
     trial, free, dry = _Trial(lib, blocks), coulomb_speed is None, _BASE[-1]
     start = Friction((*_BASE, *extra), *(() if free else (coulomb_speed,)))
@@ -215,7 +230,7 @@ class _Trial:
     def __init__(self, lib: Library, blocks: Callable[..., list[Samples]]) -> None:
         self._lib, self._blocks = lib, blocks
         plain = blocks(Friction(_BASE))
-        equations = min(len(block) for block in plain) * lib.n_joints * (BLOCKS - 1)
+        equations = min(block.tau.size for block in plain) * (BLOCKS - 1)
         unknowns = len(lib.base_columns) + lib.n_joints * (len(_BASE) + 1)
         if len(plain) < BLOCKS or equations < 2 * unknowns:
             raise IdentificationError(
@@ -248,7 +263,7 @@ class _Trial:
     def score(self, terms: Friction) -> tuple[Array, float, int]:
         """Score per block, AIC, and the number of parameters that the data determine."""
         stats = [compress(self._lib, block, self._weights) for block in self._blocks(terms)]
-        n = self._lib.n_joints
+        n = len(self._weights)
         scores = []
         for k, block in enumerate(stats):
             x, _ = solved([s for i, s in enumerate(stats) if i != k])
@@ -262,7 +277,7 @@ class _Trial:
 
 def _noise(lib: Library, blocks: list[Samples]) -> tuple[Array, float]:
     """1/σ_j² per joint from the residuals of a fit, and N / N_eff of the residuals."""
-    weights = np.ones(lib.n_joints)
+    weights = np.ones(blocks[0].equations)
     for _ in range(_PASSES):
         x, _rank = solved([compress(lib, block, weights) for block in blocks])
         residuals = [predicted(lib, block, x) - block.tau for block in blocks]

@@ -57,14 +57,14 @@ def bounded(problem: Problem, statistics: Statistics) -> tuple[Solution, tuple[s
     def solved(part: Statistics) -> tuple[Array, Array, Solution]:
         held = is_column & ~part.factor[:, part.n_base :].any(axis=0)
         known = held if problem.left_out is None else held | problem.left_out
-        solution = solve(part, lib, names, np.asarray(known))
+        solution = solve(part, lib, names, np.asarray(known), problem.train.shape[0])
         return solution.phi.ravel(), solution.beta, solution
 
     bounds = bounds_of(problem, is_passive=False)
     phi, solution, held = within_bounds(statistics, bounds, solved)
     notes = notes_of(held, bounds, lib.joint_names, names)
     notes += _zero_columns(problem, np.asarray(is_column))
-    return replace(solution, phi=phi.reshape(lib.n_joints, -1)), notes
+    return replace(solution, phi=phi.reshape(problem.train.shape)), notes
 
 
 def _zero_columns(problem: Problem, is_column: Mask) -> tuple[str, ...]:
@@ -84,9 +84,13 @@ def _zero_columns(problem: Problem, is_column: Mask) -> tuple[str, ...]:
 
 
 def solve(
-    statistics: Statistics, lib: Library, terms: tuple[str, ...] = (), known: Mask | None = None
+    statistics: Statistics,
+    lib: Library,
+    terms: tuple[str, ...] = (),
+    known: Mask | None = None,
+    rows: int | None = None,
 ) -> Solution:
-    """Solve compressed samples by least squares with normalised columns."""
+    """Solve compressed samples by least squares with normalised columns: φ of n or other rows."""
     shown = np.ones(statistics.factor.shape[1], dtype=bool)
     # A column of zeros, such as the load of a joint that carries none, is no unknown and gets 0. A
     # function of the speed alone is zero only where the joint stands still, which is refused.
@@ -108,7 +112,8 @@ def solve(
     solution = np.zeros(len(shown))
     solution[shown] = fit.mean
     beta, phi = np.split(solution, [statistics.n_base])
-    return Solution(beta, phi.reshape(lib.n_joints, -1), float(fit.sizes[0] / fit.sizes[-1]))
+    shaped = phi.reshape(rows or lib.n_joints, -1)
+    return Solution(beta, shaped, float(fit.sizes[0] / fit.sizes[-1]))
 
 
 def counted_in_links(statistics: Statistics, lib: Library, terms: tuple[str, ...]) -> Mask:
@@ -168,6 +173,7 @@ def fit_wls(problem: Problem) -> Fit:
         problem.friction_names,
         problem.left_out,
         PASSES - 1,
+        problem.train,
     )
     solution, bound = bounded(problem, problem.statistics(weights))
     rests = (residual(problem.lib, piece, solution) for piece in problem.samples("train"))
@@ -190,11 +196,13 @@ def reweighted(
     terms: tuple[str, ...],
     known: Mask | None,
     passes: int = PASSES,
+    like: Samples | None = None,
 ) -> tuple[Solution, Array, str]:
-    """Solve by iteratively reweighted least squares: known (n k,) → (n,)."""
-    weights, silent = np.ones(lib.n_joints), ""
+    """Solve by iteratively reweighted least squares: known (n k,) → (n,); rows as those of like."""
+    weights, silent = np.ones(lib.n_joints if like is None else like.equations), ""
+    rows = None if like is None else like.shape[0]
     for _ in range(passes):
-        solution = solve(compress_all(lib, pieces(), weights), lib, terms, known)
+        solution = solve(compress_all(lib, pieces(), weights), lib, terms, known, rows)
         rests = (residual(lib, piece, solution) for piece in pieces())
         weights, silent = weights_of(variance_of(rests), lib)
     return solution, weights, silent
@@ -226,8 +234,9 @@ def weights_of(variance: Array, lib: Library) -> tuple[Array, str]:
     """Weights 1 / var per joint: variance (n,) → (n,)."""
     least = max(SILENT * float(variance.max()), np.finfo(float).tiny ** 0.5)
     silent = variance < least
-    names = ", ".join(np.array(lib.joint_names)[silent])
-    return 1.0 / np.maximum(variance, least), names
+    joints, count = lib.joint_names, len(variance)
+    rows = joints if count == len(joints) else tuple(f"equation {k + 1}" for k in range(count))
+    return 1.0 / np.maximum(variance, least), ", ".join(np.array(rows)[silent])
 
 
 def with_torque(samples: Samples, tau: Array) -> Samples:

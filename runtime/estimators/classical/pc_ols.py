@@ -45,7 +45,7 @@ class ConvexOptimum:
     """The smallest loss that any physically consistent model reaches on the data."""
 
     loss: float  # L at the optimum, (1/N) Σ ½ rᵀWr
-    pi: Array  # pi, phi: a point that reaches it, (10 n,) and (n, k)
+    pi: Array  # pi, phi: a point that reaches it, (10 n,) and (n k,)
     phi: Array
     # certificate: L − L* is at most this among models of no larger Σ tr(P0_k⁻¹ P_k); NaN from
     # Clarabel, which stops at 1e-10 of ‖r‖
@@ -66,12 +66,12 @@ def convex_optimum(
 
     def solved(part: Statistics) -> tuple[Array, Array, ConvexOptimum]:
         best = _best(lib, part, _followed(lib, part, first_guess))
-        return best.phi.ravel(), lib.base_matrix @ best.pi, best
+        return best.phi, lib.base_matrix @ best.pi, best
 
     if bounds is None:
         return solved(statistics)[2]
     phi, best, _ = within_bounds(statistics, bounds, solved)
-    return replace(best, phi=phi.reshape(best.phi.shape))
+    return replace(best, phi=phi)
 
 
 def fit_pc_ols(problem: Problem) -> Fit:
@@ -83,12 +83,12 @@ def fit_pc_ols(problem: Problem) -> Fit:
 
     def solved(part: Statistics) -> tuple[Array, Array, Fit]:
         fit = _nearest(lib, part, guess)
-        return fit.phi.ravel(), lib.base_matrix @ fit.pi, fit
+        return fit.phi, lib.base_matrix @ fit.pi, fit
 
     bounds = bounds_of(problem, is_passive=True)
     phi, fit, held = within_bounds(statistics, bounds, solved)
     notes = notes_of(held, bounds, lib.joint_names, names)
-    return replace(fit, phi=phi.reshape(problem.train.columns.shape[1:]), notes=notes)
+    return replace(fit, phi=phi.reshape(problem.train.shape), notes=notes)
 
 
 def _nearest(lib: Library, statistics: Statistics, guess: Array) -> Fit:
@@ -105,7 +105,7 @@ def _nearest(lib: Library, statistics: Statistics, guess: Array) -> Fit:
     edge = lib.relative_eigenvalues(best.pi).min() < BOUNDARY
     return Fit(
         pi=pi,
-        phi=eliminated.phi(pi).reshape(lib.n_joints, -1),
+        phi=eliminated.phi(pi),
         lam=lib.lam_from_pi(pi),
         status=(
             f"{how} {SLACK:g} of the convex optimum {best.loss:.6g} ({best.status})"
@@ -132,7 +132,7 @@ def _best(lib: Library, statistics: Statistics, path: Path) -> ConvexOptimum:
     if not path.converged or path.weight > LARGEST_WEIGHT:
         return cone_optimum(lib, statistics)
     _, eliminated = reduce(statistics, lib.n_joints)
-    phi = eliminated.phi(pi).reshape(lib.n_joints, -1)
+    phi = eliminated.phi(pi)
     return ConvexOptimum(loss, pi, phi, path.gap, f"path of {path.steps} Newton steps")
 
 
@@ -181,7 +181,7 @@ def cone_optimum(lib: Library, statistics: Statistics) -> ConvexOptimum:
             "outliers and the units of torque"
         )
     x = np.array(solution.x)[:-1] * scale
-    pi, phi = x[:size], x[size:].reshape(lib.n_joints, -1)
+    pi, phi = x[:size], x[size:]
     return ConvexOptimum(statistics.value(pi, phi), pi, phi, np.nan, f"Clarabel: {status}")
 
 

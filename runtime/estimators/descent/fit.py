@@ -271,7 +271,7 @@ def start_of(problem: Problem, cholesky: bool = False) -> Descent:
     problem = in_unit(problem, unit)
     objective = TorqueObjective(problem.lib, problem.train, problem.weights)
     guess = problem.lib.pi_from_lam(problem.start)
-    phi = best_friction(problem.statistics(), guess, problem.train.columns.shape[1:])
+    phi = best_friction(problem.statistics(), guess, problem.train.shape)
     bodies = problem.start
     if cholesky:
         bodies = problem.lib.cholesky_from_pi(problem.lib.nearest_realisable(guess, THINNEST_AXIS))

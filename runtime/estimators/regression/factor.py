@@ -186,7 +186,7 @@ class TorqueObjective:
     ) -> None:
         self.lib, self.samples, self.weights = lib, samples, weights
         self.n_lam = lib.lam0.size
-        self.shape = samples.columns.shape[1:]
+        self.shape = samples.shape
         self.unit = friction_unit(samples) if unit is None else unit
 
     def split(self, x: Array) -> tuple[Array, Array]:
@@ -242,8 +242,10 @@ class TorqueObjective:
 
 def friction_unit(samples: Samples) -> Array:
     """Units of φ, (n, k): RMS torque of the joint over RMS of the column, 1 for a zero column."""
-    torque = np.sqrt(np.mean(samples.tau**2, axis=0) + THESIS_SIGMA**2)
-    rms = samples.column_sizes()
+    square, rms = np.mean(samples.tau**2, axis=0), samples.column_sizes()
+    if len(rms) < len(square):  # rows that mix joints
+        square = square.sum(keepdims=True)
+    torque = np.sqrt(square + THESIS_SIGMA**2)
     return torque[:, None] / np.where(rms > 0, rms, 1.0)
 
 

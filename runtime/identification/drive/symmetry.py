@@ -30,7 +30,8 @@ import numpy as np
 from scipy.special import chdtri
 
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.constraints import ConstraintRow
+from runtime.estimators.convex.constraints import ConstraintRow, Constraints
+from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import FrictionPrior
 from runtime.estimators.regression.samples import NORMAL_95, samples_of
 from runtime.identification.drive.result import places_of
@@ -47,6 +48,7 @@ from runtime.library.parameters import (
     N_PARAMETERS,
     inertia_entries,
     inertia_matrix,
+    link_columns,
 )
 
 FRICTION = ("viscous", "coulomb")
@@ -89,74 +91,103 @@ def mirrored_joints(names: tuple[str, ...], pairs: tuple[str, ...]) -> tuple[tup
 
 def with_sides(result: Identification, pairs: tuple[str, ...]) -> Identification:
     """The result with its sides compared, and a note per pair that disagrees."""
-    places = mirrored_joints(result.lib.joint_names, pairs)
-    root = friction_root(result)
+    root, phi = friction_root(result), result.usual_phi
+    samples = samples_of(result.test, result.lib)
+    rigid = samples.tau - samples.rigid(result.lib, result.pi)
+
+    def error(change: Array, pair: tuple[int, int]) -> float:
+        whole = result.phi.copy()  # with the offsets of several logs behind the shared columns
+        whole[:, : change.shape[1]] += change
+        return float(np.linalg.norm((rigid - samples.friction(whole))[:, list(pair)]))
+
+    compared, notes = sides_of(
+        result.lib.joint_names, pairs, result.friction.columns, phi, root, error
+    )
+    return replace(result, symmetric=compared, notes=(*notes, *result.notes))
+
+
+ErrorOfPair = Callable[[Array, tuple[int, int]], float]
+"""Error of the test torque of two joints with a change of φ, (n, k)."""
+
+
+def sides_of(
+    joints: tuple[str, ...],
+    pairs: tuple[str, ...],
+    columns: tuple[str, ...],
+    phi: Array,
+    root: Array | None,
+    error: ErrorOfPair,
+) -> tuple[tuple[MirroredPair, ...], tuple[str, ...]]:
+    """Comparison of mirrored joints, and notes: φ (n, k) and a root of its covariance (n k, ·)."""
+    places = mirrored_joints(joints, pairs)
     if root is None:
         raise IdentificationError(
             "the setting symmetric compares drives with their standard deviations, which this "
             "identification does not have; give friction columns, and a method with a posterior"
         )
-    joints = root.reshape(*result.usual_phi.shape, -1)
-    covariance = np.asarray(joints @ np.swapaxes(joints, 1, 2))  # NaN where not determined
-    places_of_keys = places_of(result.friction.columns)
+    by_joint = root.reshape(*phi.shape, -1)
+    covariance = np.asarray(by_joint @ np.swapaxes(by_joint, 1, 2))  # NaN where not determined
+    places_of_keys = places_of(columns)
     sets = {"armature": ("armature",), "friction": FRICTION}
     kept = {
         name: [places_of_keys[key] for key in keys if key in places_of_keys]
         for name, keys in sets.items()
     }
-    compared = tuple(
+
+    def compared(pair: tuple[int, int], name: str, taken: list[int]) -> MirroredPair | None:
+        """One quantity of two mirrored joints; None where a value is not determined."""
+        values = phi[np.ix_(pair, taken)]
+        sigmas = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)[np.ix_(pair, taken)])
+        if not np.isfinite(sigmas).all():
+            return None
+        spread = sum(covariance[j][np.ix_(taken, taken)] for j in pair)
+        difference = values[0] - values[1]
+        squared = float(difference @ np.linalg.pinv(np.asarray(spread)) @ difference)
+        agrees = bool(squared <= chdtri(len(taken), 0.05))
+        rise = None
+        if not agrees:
+            change = np.zeros_like(phi)
+            change[np.ix_(pair, taken)] = phi[np.ix_(pair[::-1], taken)] - values
+            rise = error(change, pair) / max(error(0 * change, pair), 1e-300)
+        left, right = (joints[j] for j in pair)
+        sizes = [
+            " and ".join(f"{v:.3g} ± {NORMAL_95 * s:.2g}" for v, s in zip(*each, strict=True))
+            for each in zip(values, sigmas, strict=True)
+        ]
+        why = (
+            "the error is hardly larger with the drive of the other side, so that the motion does "
+            "not show which is right, and the intervals are too narrow"
+            if rise is not None and rise < RISES
+            else "with the drive of the other side the error of the held-out rows is "
+            f"{rise or np.nan:.2f} times as large: the two drives differ"
+        )
+        return MirroredPair(
+            left=left,
+            right=right,
+            quantity=name,
+            values=_pair(values),
+            sigma=_pair(sigmas),
+            distance=squared**0.5,
+            agrees=agrees,
+            exchanged_error_ratio=rise,
+            sentence=None
+            if agrees
+            else f"{name} of {left} ({sizes[0]}) and {right} ({sizes[1]}) differ by "
+            f"{squared**0.5:.1f} standard deviations; {why}",
+        )
+
+    every = tuple(
         each
         for pair in places
         for name, taken in kept.items()
-        if taken and (each := _compared(result, covariance, pair, name, taken)) is not None
+        if taken and (each := compared(pair, name, taken)) is not None
     )
-    differ = [each.sentence for each in compared if each.sentence is not None]
+    differ = [each.sentence for each in every if each.sentence is not None]
     note = (
-        f"left and right agree within their 95 % intervals in {len(compared) - len(differ)} of "
-        f"{len(compared)} pairs of armature and friction"
+        f"left and right agree within their 95 % intervals in {len(every) - len(differ)} of "
+        f"{len(every)} pairs of armature and friction"
     )
-    return replace(result, symmetric=compared, notes=(note, *differ, *result.notes))
-
-
-def _compared(
-    result: Identification, covariance: Array, pair: tuple[int, int], name: str, taken: list[int]
-) -> MirroredPair | None:
-    """One quantity of two mirrored joints; None where a value is not determined."""
-    values = result.usual_phi[np.ix_(pair, taken)]
-    sigmas = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)[np.ix_(pair, taken)])
-    if not np.isfinite(sigmas).all():
-        return None
-    spread = sum(covariance[j][np.ix_(taken, taken)] for j in pair)
-    difference = values[0] - values[1]
-    squared = float(difference @ np.linalg.pinv(np.asarray(spread)) @ difference)
-    agrees = bool(squared <= chdtri(len(taken), 0.05))
-    left, right = (result.lib.joint_names[j] for j in pair)
-    rise = None if agrees else _rise(result, pair, taken)
-    sizes = [
-        " and ".join(f"{v:.3g} ± {NORMAL_95 * s:.2g}" for v, s in zip(*each, strict=True))
-        for each in zip(values, sigmas, strict=True)
-    ]
-    why = (
-        "the error is hardly larger with the drive of the other side, so that the motion does not "
-        "show which is right, and the intervals are too narrow"
-        if rise is not None and rise < RISES
-        else "with the drive of the other side the error of the held-out rows is "
-        f"{rise or np.nan:.2f} times as large: the two drives differ"
-    )
-    return MirroredPair(
-        left=left,
-        right=right,
-        quantity=name,
-        values=_pair(values),
-        sigma=_pair(sigmas),
-        distance=squared**0.5,
-        agrees=agrees,
-        exchanged_error_ratio=rise,
-        sentence=None
-        if agrees
-        else f"{name} of {left} ({sizes[0]}) and {right} ({sizes[1]}) differ by "
-        f"{squared**0.5:.1f} standard deviations; {why}",
-    )
+    return every, (note, *differ)
 
 
 def _pair(values: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -164,28 +195,43 @@ def _pair(values: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
     return tuple(left), tuple(right)
 
 
-def _rise(result: Identification, pair: tuple[int, int], taken: list[int]) -> float:
-    """Error of the test torque of two joints with exchanged drives, over that with theirs."""
-    samples = samples_of(result.test, result.lib)
-    exchanged = result.phi.copy()
-    exchanged[np.ix_(pair, taken)] = result.phi[np.ix_(pair[::-1], taken)]
-    rigid = samples.tau - samples.rigid(result.lib, result.pi)
-    errors = [
-        float(np.linalg.norm((rigid - samples.friction(phi))[:, list(pair)]))
-        for phi in (exchanged, result.phi)
-    ]
-    return errors[0] / max(errors[1], 1e-300)
+def with_mirrored_links(
+    prior: PriorFile | None, lib: Library, symmetric: tuple[str, ...], is_tied: bool
+) -> PriorFile | None:
+    """Inertial prior, with equations that tie the links of mirrored joints where requested."""
+    if not is_tied and not symmetric:
+        return prior
+    if not is_tied:
+        mirrored_joints(lib.joint_names, symmetric)
+        return prior
+    if not symmetric:
+        raise IdentificationError(
+            "--settings tie=true needs the names of the mirrored joints, got none; give "
+            "--settings symmetric=LEFT:RIGHT"
+        )
+    usual = prior or PriorFile(None, Constraints())
+    rows = (*usual.constraints.equations, *mirrored_links(lib, symmetric))
+    return replace(usual, constraints=replace(usual.constraints, equations=rows))
 
 
 def mirrored_links(lib: Library, pairs: tuple[str, ...]) -> tuple[ConstraintRow, ...]:
     """Equations that tie the links of mirrored joints."""
     places = mirrored_joints(lib.joint_names, pairs)
-    if lib.n_links != lib.n_joints:
+    of_base = int(lib.manifest.floating)  # the base link comes first
+    if lib.n_links != of_base + lib.n_joints:
         raise IdentificationError(
             f"--settings tie=true needs one link per joint, but '{lib.name}' has {lib.n_links} "
             f"links and {lib.n_joints} joints; leave it out, or use com_box and mass of --prior"
         )
-    poses = np.asarray(lib.link_poses(np.zeros((1, lib.n_joints))))[0]
+
+    def poses_at(*angles: tuple[int, float]) -> Array:
+        """Poses of the links of the joints in the base, with some joints at an angle."""
+        q = np.zeros((1, lib.n_rows))
+        for joint, angle in angles:
+            q[0, lib.n_rows - lib.n_joints + joint] = angle
+        return np.asarray(lib.link_poses(q))[0, of_base:]
+
+    poses = poses_at()
     # M of the plane about which the positions of the links are mirrored best.
     sides, origin = np.array(places).T, poses[:, :3, 3]
 
@@ -195,21 +241,26 @@ def mirrored_links(lib: Library, pairs: tuple[str, ...]) -> tuple[ConstraintRow,
     mirror = np.diag(min(PLANES.values(), key=distance))
     rows: list[ConstraintRow] = []
     for left, right in places:
-        if not _turns_alike(lib, mirror, left, right):
+        turn = poses[right, :3, :3].T @ mirror @ poses[left, :3, :3]
+        # The right joint moves its link as the mirrored left one, in one of the directions.
+        moved, far = poses_at((right, _TURN))[right], []
+        for angle in (_TURN, -_TURN):
+            of_left = poses_at((left, angle))[left]
+            turned = np.column_stack([mirror @ of_left[:3, :3] @ turn.T, mirror @ of_left[:3, 3]])
+            far.append(float(np.abs(turned - moved[:3]).max()))
+        if min(far) >= _TOLERANCE:
             raise IdentificationError(
                 f"--settings tie=true expects {lib.joint_names[left]} and {lib.joint_names[right]} "
                 "to be mirrored about a plane of the base, got joints or links that are not; leave "
                 "--settings tie=true out, which compares them only"
             )
-        turn = poses[right, :3, :3].T @ mirror @ poses[left, :3, :3]
         image = mirror_image(turn)
-        for k in range(N_PARAMETERS):
+        of_right, of_left = (link_columns(of_base + joint) for joint in (right, left))
+        name = f"{lib.joint_names[left]}:{lib.joint_names[right]}"
+        for own, other in zip(np.eye(N_PARAMETERS), image, strict=True):
             row = np.zeros(lib.pi0.size)
-            row[right * N_PARAMETERS + k] = 1.0
-            row[left * N_PARAMETERS : (left + 1) * N_PARAMETERS] -= image[k]
-            rows.append(
-                ConstraintRow(f"{lib.joint_names[left]}:{lib.joint_names[right]}", row, 0.0)
-            )
+            row[of_right], row[of_left] = own, -other
+            rows.append(ConstraintRow(name, row, 0.0))
     return tuple(rows)
 
 
@@ -222,54 +273,32 @@ def mirror_image(turn: Array) -> Array:
     return image
 
 
-def _turns_alike(lib: Library, mirror: Array, left: int, right: int) -> bool:
-    """Whether the right joint moves its link as the mirrored left one, in one of the directions."""
-    q = np.zeros((3, lib.n_joints))
-    q[0, right], q[1, left], q[2, left] = _TURN, _TURN, -_TURN
-    poses = np.asarray(lib.link_poses(q))
-    still = np.asarray(lib.link_poses(np.zeros((1, lib.n_joints))))[0]
-    image = still[right, :3, :3].T @ mirror @ still[left, :3, :3]
-    for k in (1, 2):
-        turned = mirror @ poses[k, left, :3, :3] @ image.T
-        place = mirror @ poses[k, left, :3, 3]
-        far = max(
-            np.abs(turned - poses[0, right, :3, :3]).max(),
-            np.abs(place - poses[0, right, :3, 3]).max(),
-        )
-        if far < _TOLERANCE:
-            return True
-    return False
-
-
 def identify_tied(
     fit: Callable[[Settings], Identification], settings: Settings, pairs: tuple[str, ...]
 ) -> Identification:
     """Identify a robot and its drives by a fit of any log, first apart and then tied."""
     first = fit(replace(settings, certify=False))
-    prior, names = tied_prior(first, settings, pairs)
+    columns = first.friction.columns
+    # Several logs have offsets of their own behind the columns that they share.
+    known = known_friction(first.lib, settings, first.train.column_names or columns, first.friction)
+    prior, note = tied_prior(first.lib.joint_names, pairs, columns, first.phi, known)
     result = fit(replace(settings, friction_prior=prior, friction=first.friction))
-    note = (
-        f"{' and '.join(names)} of the joints that the setting symmetric pairs are tied to their "
-        f"mean within {100 * SPREAD:.0f} %, and the standard deviations count it; compare the "
-        "sides without --settings tie=true"
-    )
     kept = tuple(each for each in first.notes if each not in result.notes)
     return replace(result, notes=(note, *kept, *result.notes))
 
 
 def tied_prior(
-    result: Identification, settings: Settings, pairs: tuple[str, ...]
-) -> tuple[FrictionPrior, tuple[str, ...]]:
-    """Prior of friction that ties mirrored joints."""
-    columns, phi = result.friction.columns, result.phi
-    # Several logs have offsets of their own behind the columns that they share.
-    known = known_friction(
-        result.lib, settings, result.train.column_names or columns, result.friction
-    )
+    joint_names: tuple[str, ...],
+    pairs: tuple[str, ...],
+    columns: tuple[str, ...],
+    phi: Array,
+    known: FrictionPrior | None,
+) -> tuple[FrictionPrior, str]:
+    """Prior of friction (n, k) that ties mirrored joints over another one, and a note."""
     mean = np.zeros_like(phi) if known is None else known.mean.copy()
     sigma = np.full_like(phi, np.inf) if known is None else known.sigma.copy()
     group = np.arange(len(phi))
-    for left, right in mirrored_joints(result.lib.joint_names, pairs):
+    for left, right in mirrored_joints(joint_names, pairs):
         group[group == group[right]] = group[left]
     places = places_of(columns)
     names = tuple(key for key in TIED if key in places)
@@ -279,4 +308,9 @@ def tied_prior(
             centre = float(phi[joints, places[key]].mean())
             if centre > 0:
                 mean[joints, places[key]], sigma[joints, places[key]] = centre, SPREAD * centre
-    return FrictionPrior(mean, sigma), names
+    note = (
+        f"{' and '.join(names)} of the joints that the setting symmetric pairs are tied to their "
+        f"mean within {100 * SPREAD:.0f} %, and the standard deviations count it; compare the "
+        "sides without --settings tie=true"
+    )
+    return FrictionPrior(mean, sigma), note

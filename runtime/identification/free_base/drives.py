@@ -1,4 +1,4 @@
-"""Noise of the rows of a robot with a free base, and the delay of commanded torques.
+"""Noise of the rows of a robot with a free base, and the delay and friction of its torques.
 
 Gauss–Newton on the delay d and expectation–maximisation on the covariance Σ = L Lᵀ of the rows in
 turn. With N of `rows`, e = Nᵀ L⁻¹ r are the equations of residuals r, and L⁻¹ r given them is
@@ -25,6 +25,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime.errors import IdentificationError
+from runtime.estimators.choice.friction_choice import (
+    FRICTION_MODELS,
+    FrictionChoice,
+    choose_among,
+    in_blocks,
+)
 from runtime.estimators.methods import fit_by
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import FrictionPrior, NoiseFloor, Problem
@@ -157,6 +163,10 @@ COLUMNS = ("viscous", "coulomb", "rotor")
 """Friction columns by default: a computed torque has no offset of a sensor."""
 PASSES, ENOUGH = 12, 500
 """Limit of the number of passes, and instants that they take."""
+ENOUGH_TO_CHOOSE = 2000
+"""Instants that the choice of a friction model takes."""
+CANDIDATES = tuple(name for name in FRICTION_MODELS if name != "load")
+"""Friction models to choose from: the load of a joint is not known beside unknown wrenches."""
 DONE_S, DONE = 1e-4, 0.03
 """Step of the delay [s] and relative change of σ at the end."""
 MOST_STEP_S, EARLIEST_S, LATEST_S = 0.02, -0.03, 0.1
@@ -176,7 +186,7 @@ def drives_of(
     prior: PriorFile | None,
 ) -> Drives:
     """Delay, unless it is stated, and noise of the rows that train."""
-    drives = Drives(terms, None, delay_s or 0.0, delay_s is None)
+    drives = Drives(terms, None, 0.0 if delay_s is None else delay_s, delay_s is None)
     few: FreeBaseMotion | None = None
     for _ in range(PASSES):
         if few is None:
@@ -190,8 +200,9 @@ def drives_of(
             samples = rows_of(lib, few, choice, drives).samples
             if is_opposite(samples.rigid(lib, lib.pi0), samples.tau):
                 raise IdentificationError(
-                    f"{recording.name}: the commanded torques are opposite to those that move the "
-                    "URDF, expected those that the drives apply to the joints; change their sign"
+                    f"{recording.name}: the {'commanded ' * recording.is_commanded}torques are "
+                    "opposite to those that move the URDF, expected those that the drives apply to "
+                    "the joints; change their sign"
                 )
         rows = rows_of(lib, few, choice, drives)
         samples = rows.samples
@@ -211,6 +222,30 @@ def drives_of(
         elif is_steady:
             break
     return drives
+
+
+def friction_by_choice(
+    recording: FreeBaseRecording,
+    lib: Library,
+    choice: str,
+    first: Drives,
+    cutoff_hz: float | None,
+    trained: Callable[[FreeBaseMotion], Integers],
+) -> FrictionChoice:
+    """Friction model by cross-validation of the rows that train, over the noise of first drives.
+
+    The columns of `first` beyond `COLUMNS` are those of every candidate.
+    """
+
+    def blocks(terms: Friction) -> list[Samples]:
+        motion = motion_of(recording, lib.joint_names, cutoff_hz, first.delay_s, terms)
+        train = trained(motion)
+        motion = motion.rows(train[:: max(1, len(train) // ENOUGH_TO_CHOOSE)])
+        drives = replace(first, terms=terms, is_delay_unknown=False)
+        return in_blocks(rows_of(lib, motion, choice, drives).samples)
+
+    extra = tuple(name for name in first.terms.columns if name not in COLUMNS[:2])
+    return choose_among(lib, blocks, names=CANDIDATES, extra=extra)
 
 
 def problem_of(

@@ -1,10 +1,10 @@
 """The result of a robot with a free base as result.json, predictions.npz and posterior.npz.
 
-Friction and armature of commanded torques are the friction of the record, their delay is its delay.
+Friction and armature are the friction of the record, the delay of the torques is its delay.
 Coefficients of sensors, and the delay, are eliminated from the posterior.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -33,10 +33,13 @@ from runtime.identification.result_record import (
     plain,
 )
 from runtime.identification.saved_result import SavedResult
+from runtime.identification.statistics_file import UnitStatistics
 from runtime.library import Array, Library
 from runtime.library.parameters import MASS, N_PARAMETERS, links, mass
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion, motion_of
+from runtime.recording.recipes.recipe import MEASURED
+from runtime.recording.settings import WIDTHS, Friction
 
 DETERMINED = 0.5
 """Posterior over prior variance below which an entry counts as identified."""
@@ -55,18 +58,54 @@ class FreeBaseIdentification:
     # t (N,) [s] and measured, before, after (N, k) of the rows on the test part
     predictions: dict[str, Array]
 
+    @property
+    def is_consistent(self) -> bool:
+        """Whether every link is physically consistent."""
+        return self.record.consistent
+
+    @property
+    def friction(self) -> Friction:
+        """Friction columns of the drives."""
+        part = self.record.friction
+        if part is None:
+            return Friction(())
+        return Friction(part.columns, **{key: getattr(part, key) for key in WIDTHS})
+
+    @property
+    def usual_phi(self) -> Array:
+        """Friction coefficients, (n, k)."""
+        part = self.record.friction
+        return np.zeros((len(self.record.joints), 0)) if part is None else np.array(part.values)
+
+    @property
+    def statistics(self) -> Statistics:
+        """Statistics over [β; φ] of the friction, without errors of sensors and the delay."""
+        first = len(self.record.sensors or ())
+        return marginal(
+            self.posterior.information.statistics, slice(first, first + self.usual_phi.size)
+        )
+
+
+def statistics_of_walk(result: FreeBaseIdentification, unit: str) -> UnitStatistics:
+    """Compressed training samples of a result, for `fleet`."""
+    slow, peak, stroke = (float(getattr(result.friction, key)) for key in WIDTHS)
+    return UnitStatistics(
+        **asdict(result.statistics),
+        density=result.posterior.information.density,
+        unit=unit,
+        robot=result.lib.name,
+        joints=result.lib.joint_names,
+        columns=result.friction.columns,
+        widths=(slow, peak, stroke),
+    )
+
 
 def write_free_base(result: FreeBaseIdentification, folder: Path, command: str) -> ResultRecord:
     """Write result.json, predictions.npz and posterior.npz into a folder."""
     record = result.record
     record = record.replace(provenance=record.provenance.replace(command=command))
-    friction = record.friction
-    require_size(np.concatenate([result.pi, *(friction.values if friction is not None else ())]))
-    known = result.posterior.information
-    columns = 0 if friction is None else len(friction.columns) * len(record.joints)
-    first = len(record.sensors or ())
-    statistics = marginal(known.statistics, slice(first, first + columns))
-    known = replace(known, statistics=statistics)
+    require_size(np.concatenate([result.pi, result.usual_phi.ravel()]))
+    known = replace(result.posterior.information, statistics=result.statistics)
     posterior = replace(result.posterior, information=known, phi_nuisance=None)
     return write_files(record, folder, posterior, result.predictions)
 
@@ -141,11 +180,19 @@ def rows_by_result(
     saved: SavedResult,
     cutoff_hz: float | None,
     most: int | None = None,
-) -> tuple[FreeBaseMotion, FreeBaseRows, Array]:
-    """Motion and equations of another log, at most so many instants; φ of all of their columns."""
+) -> tuple[FreeBaseMotion, FreeBaseRows, Array, bool]:
+    """Equations of another log by the columns of a result.
+
+    Returns:
+        Motion and equations, at most `most` instants; φ of all columns; whether drives are among
+        them.
+    """
     record, drives, late = saved.record, None, 0.0
+    # What a commanded torque loses in the drives, a measured one need not.
+    of_drives = record.torque_source == MEASURED and (record.friction or record.delays)
     if recording.is_commanded:
         recording, _ = with_contact_states(recording, lib)
+    if recording.is_commanded or of_drives:
         late = next((each.value for each in record.delays if isinstance(each.value, float)), 0.0)
         drives = Drives(saved.friction, delay_s=late)
     terms = None if drives is None else saved.friction
@@ -159,7 +206,7 @@ def rows_by_result(
     known = record.sensors or {}
     sensors = [known[n].value if n in known else 0.0 for n, _ in sensor_errors(motion.contacts)]
     phi = np.concatenate([np.array(sensors, dtype=float), saved.phi.ravel() if drives else []])
-    return motion, rows, phi
+    return motion, rows, phi, drives is not None
 
 
 def free_base_errors(
@@ -170,10 +217,10 @@ def free_base_errors(
     `size` is that of forces and torques, `before` that of errors of the URDF, and `after` that of
     errors of the result with friction, delay and errors of sensors.
     """
-    _, rows, phi = rows_by_result(recording, lib, saved, cutoff_hz)
+    _, rows, phi, has_drives = rows_by_result(recording, lib, saved, cutoff_hz)
     measured = rows.samples.tau
     before = rows.samples.rigid(lib, lib.pi0)
     after = rows.samples.rigid(lib, saved.pi) + rows.samples.columns @ phi
-    names, shown = rows.shown(recording.is_commanded)
+    names, shown = rows.shown(has_drives)
     each = {"size": measured, "before": before - measured, "after": after - measured}
     return names, {key: rms(shown(values)).tolist() for key, values in each.items()}

@@ -16,9 +16,10 @@ much sensors of one type read of the moments m_c, which `contact_moments` predic
 
     m_c = R_cᵀ s_c (m − Σ_k (p_k − p) × s_k f),   s_c = F_c / ΣF
 
-Rows of a commanded torque have the friction and armature of every joint and the delay δ as further
-columns, F φ + δ τ̇, and are multiplied by L⁻¹ of the covariance Σ = L Lᵀ of their noise first, so
-that those that the null space mixes are independent and of equal noise:
+Rows of a commanded torque, and of a measured one where it is requested, have the friction and
+armature of every joint and the delay δ as further columns, F φ + δ τ̇, and are multiplied by L⁻¹ of
+the covariance Σ = L Lᵀ of their noise first, so that those that the null space mixes are
+independent and of equal noise:
 
     N(t)ᵀ L⁻¹ (Y π + [0; F φ + δ τ̇] − [0; τ]) = e,   N(t)ᵀ L⁻¹ Jᵀ = 0
 
@@ -134,7 +135,7 @@ def contact_moments(lib: Library, motion: FreeBaseMotion, shares: Array) -> Arra
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drives:
-    """What lies between commanded torques and those at the links."""
+    """What lies between commanded or measured torques and those at the links."""
 
     terms: Friction  # friction columns of the joints
     # (6 + n, 6 + n) of the noise of the rows [N², …]; None before it is known
@@ -172,13 +173,17 @@ class FreeBaseRows:
         """Values of the equations, (N, m), as the least values of the chosen rows, (N, k)."""
         return np.asarray(np.einsum("nkm,nm->nk", self.basis, values) @ self.root.T)
 
-    def shown(self, is_commanded: bool) -> tuple[tuple[str, ...], Callable[[Array], Array]]:
+    def shown(self, has_drives: bool) -> tuple[tuple[str, ...], Callable[[Array], Array]]:
         """Names of the rows whose errors are stated, and the map of equations to them."""
-        if is_commanded:
-            return self.names, self.over_rows
+        return (self.names, self.over_rows) if has_drives else (self.equations, np.asarray)
+
+    @property
+    def equations(self) -> tuple[str, ...]:
+        """Names of the m equations: those of the rows where no wrench was eliminated."""
         size = self.samples.equations
-        names = self.names if size == len(self.names) else None
-        return names or tuple(f"equation {k + 1}" for k in range(size)), np.asarray
+        if size == len(self.names):
+            return self.names
+        return tuple(f"equation {k + 1}" for k in range(size))
 
     @property
     def left(self) -> Integers:
@@ -189,7 +194,7 @@ class FreeBaseRows:
 def rows_of(
     lib: Library, motion: FreeBaseMotion, choice: str, drives: Drives | None = None
 ) -> FreeBaseRows:
-    """Equations of a motion, with the columns of the drives of commanded torques."""
+    """Equations of a motion, with the columns of the drives."""
     if choice not in CHOSEN:
         raise IdentificationError(f"expected --settings rows={'|'.join(CHOSEN)}, got '{choice}'")
     kept = np.arange(lib.n_rows)[CHOSEN[choice]]

@@ -140,7 +140,7 @@ class FreeBaseMotion:
     tau: Array | None  # (N, n) [N·m, N]; None where torques were not measured
     contacts: Contacts  # contacts at these instants
     rotation: Array  # (N, 3, 3) R of the base in the world
-    # (N, n) derivative of commanded torques, behind the same low-pass; None for others
+    # (N, n) derivative of the torques, behind the same low-pass; None without torques
     tau_rate: Array | None = None
     # (N, n, k) friction columns, those that are not linear behind that low-pass, too
     friction: Array | None = None
@@ -299,7 +299,6 @@ def _signals(
         if delay_s:
             t = recording.t
             blocks["tau"] = interpolate(t - delay_s, t, blocks["tau"])
-    if recording.is_commanded:
         blocks["tau_rate"] = np.gradient(blocks["tau"], recording.t, axis=0)
     return blocks, width
 

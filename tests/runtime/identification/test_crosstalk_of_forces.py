@@ -11,10 +11,11 @@ from runtime.errors import RuntimeFault
 from runtime.identification.free_base.drives import vertical_force
 from runtime.identification.free_base.identify import identify_free_base
 from runtime.identification.free_base.rows import contact_jacobian, contact_moments
+from runtime.identification.settings import Settings
 from runtime.library import Library
 from runtime.recording.free_base import FreeBaseRecording, free_base_of
 from runtime.recording.preprocessing.free_base_motion import motion_of
-from tests.free_base_logs import virtual_log
+from tests.free_base_logs import HALF, virtual_log
 from tests.runtime.conftest import Command
 
 FEET = ("left_foot", "right_thigh")
@@ -130,7 +131,9 @@ def test_crosstalk_is_estimated_from_the_quiet_part(hopper: Library, swinging: A
     are 0.01. With equal weights of all instants c is 0.373.
     """
     recording = free_base_of(swinging, "log")
-    result = identify_free_base(recording, hopper, "base", cutoff_hz=1.0, share=0.5, trim_s=0.5)
+    result = identify_free_base(
+        recording, hopper, Settings(rows="base", cutoff=1.0, split=HALF), trim_s=0.5
+    )
     assert result.record.sensors["crosstalk_y"].value == pytest.approx(CROSSTALK, abs=0.01)
     assert set(result.record.sensors) == {"crosstalk_y"}  # no part of the moment about x is stated
     vertical = result.record.vertical_force

@@ -13,7 +13,6 @@ from runtime.estimators.prior_file import read_prior
 from runtime.estimators.regression.factor import reduce
 from runtime.estimators.uncertainty import vague_posterior
 from runtime.identification.free_base.drives import _student
-from runtime.identification.free_base.identify import identify_free_base
 from runtime.identification.free_base.result import FreeBaseIdentification
 from runtime.identification.free_base.rows import (
     OFFSET_SIGMA,
@@ -21,6 +20,7 @@ from runtime.identification.free_base.rows import (
     contact_jacobian,
     rows_of,
 )
+from runtime.identification.identify import identify
 from runtime.library import Library, to_pinocchio_order
 from runtime.recording.free_base import free_base_of
 from runtime.recording.preprocessing.free_base_motion import motion_of
@@ -50,7 +50,7 @@ def without(log: VirtualLog, *keys: str, **more: object) -> dict[str, np.ndarray
 def identified(
     lib: Library, arrays: dict[str, np.ndarray], rows: str = "all", **options: Any
 ) -> FreeBaseIdentification:
-    return identify_free_base(free_base_of(arrays, "log"), lib, rows, **options)
+    return identify(free_base_of(arrays, "log"), lib, rows=rows, **options)
 
 
 def base_error(lib: Library, log: VirtualLog, result: FreeBaseIdentification) -> float:
@@ -225,7 +225,7 @@ def test_few_independent_rows_do_not_outweigh_the_prior(lib: Library, log: Virtu
     weight = 9.81 * true_pi(lib, log)[::10].sum()
     ripple = np.sin(3.0 * t)
     arrays["contact_force_z"] = np.stack([weight / 2 + ripple, np.full(len(t), weight / 2)], axis=1)
-    result = identified(lib, arrays, "base", cutoff_hz=0.5)
+    result = identified(lib, arrays, "base", cutoff=0.5)
     total, sigma = result.record.total_mass.value, result.record.total_mass.sigma
     assert abs(total - true_pi(lib, log)[::10].sum()) < 2 * sigma
     vertical = result.record.vertical_force

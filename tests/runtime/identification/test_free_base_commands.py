@@ -8,7 +8,6 @@ import pytest
 
 from runtime.errors import RuntimeFault
 from runtime.estimators.uncertainty import PRIOR_DOMINATED
-from runtime.identification.free_base.identify import identify_free_base
 from runtime.identification.free_base.rows import (
     CLEARANCE,
     Drives,
@@ -16,6 +15,7 @@ from runtime.identification.free_base.rows import (
     lifted_feet,
     rows_of,
 )
+from runtime.identification.identify import identify
 from runtime.library import Library, to_pinocchio_order
 from runtime.recording.free_base import free_base_of
 from runtime.recording.preprocessing.free_base_motion import motion_of
@@ -100,7 +100,7 @@ def test_bodies_friction_and_delay_without_forces(
     hopper: Library, log: VirtualLog, arrays: Arrays
 ) -> None:
     """Oracle: bodies, friction, armature and delay of the virtual robot, within their intervals."""
-    result = identify_free_base(free_base_of(arrays, "log"), hopper, "all", cutoff_hz=15.0)
+    result = identify(free_base_of(arrays, "log"), hopper, rows="all", cutoff=15.0)
     true = true_pi(log)
     # The wrench at the foot takes up all that moves the foot, which therefore has no equation.
     link = hopper.link_names.index("left_foot")
@@ -130,7 +130,7 @@ def test_ends_without_a_whole_delay_or_period_are_left_out(
 ) -> None:
     """Oracle: the largest delay, 0.1 s, or a period of the low-pass at 5 Hz."""
     log = free_base_of(arrays, "log")
-    result = identify_free_base(log, hopper, "all", cutoff_hz=cutoff, delay_s=DELAY_S)
+    result = identify(log, hopper, rows="all", cutoff=cutoff, delay=DELAY_S)
     # Rows of a low-pass are five a period.
     assert 0 <= arrays["t"][-1] - ends - result.predictions["t"][-1] < 0.05
 
@@ -174,7 +174,7 @@ def test_flags_are_not_inferred_where_they_are_stated(hopper: Library, arrays: A
     """Property: contact_flags decide; without them the result says what it assumed."""
     unstated = {key: value for key, value in arrays.items() if key != "contact_flags"}
     stated, free = (
-        identify_free_base(free_base_of(each, "log"), hopper, "all", cutoff_hz=15.0, delay_s=0.012)
+        identify(free_base_of(each, "log"), hopper, rows="all", cutoff=15.0, delay=0.012)
         for each in (arrays, unstated)
     )
     assert not any("height of the feet" in note for note in stated.record.warnings)
@@ -209,7 +209,7 @@ def test_commands_of_the_opposite_sign_are_refused(hopper: Library, arrays: Arra
     """Property: torques on the world instead of on the joints are named."""
     opposite = arrays | {"q_des": 2 * arrays["q"] - arrays["q_des"], "kd": -arrays["kd"]}
     with pytest.raises(RuntimeFault, match="opposite to those that move the URDF"):
-        identify_free_base(free_base_of(opposite, "log"), hopper, "all", cutoff_hz=15.0)
+        identify(free_base_of(opposite, "log"), hopper, rows="all", cutoff=15.0)
 
 
 def test_nothing_determines_the_scale_without_forces_and_torques(
@@ -219,7 +219,7 @@ def test_nothing_determines_the_scale_without_forces_and_torques(
     alone = {key: value for key, value in arrays.items() if key not in {"q_des", "kp", "kd"}}
     alone |= {"contact_kind": np.array("point")}
     with pytest.raises(RuntimeFault, match="nothing determines the scale of the masses"):
-        identify_free_base(free_base_of(alone, "log"), hopper, "base", cutoff_hz=15.0)
+        identify(free_base_of(alone, "log"), hopper, rows="base", cutoff=15.0)
 
 
 def test_command_states_drives(
@@ -263,7 +263,7 @@ def test_offsets_of_force_sensors_have_sigma(hopper: Library, log: VirtualLog) -
         "contact_force_z": vertical + 3.0 + noise,
         "contact_force_z_sigma": np.array([4.0]),
     }
-    result = identify_free_base(free_base_of(arrays, "log"), hopper, "base", cutoff_hz=20.0)
+    result = identify(free_base_of(arrays, "log"), hopper, rows="base", cutoff=20.0)
     assert result.record.sensors.keys() == {"left_foot"}
     offset, sigma = (getattr(result.record.sensors["left_foot"], k) for k in ("value", "sigma"))
     # It exchanges with the mass, whose prior is of 2 kg, and accelerations tell them apart.

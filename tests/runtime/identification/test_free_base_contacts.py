@@ -10,13 +10,13 @@ import pytest
 
 from runtime.errors import RuntimeFault
 from runtime.estimators.prior_file import read_prior
-from runtime.identification.free_base.identify import identify_free_base
 from runtime.identification.free_base.plausibility import require_contact_conventions
+from runtime.identification.identify import identify
 from runtime.identification.result_record import FORMAT
 from runtime.library import Library
 from runtime.recording.free_base import free_base_of
 from runtime.recording.preprocessing.free_base_motion import motion_of
-from tests.free_base_logs import Experiment, virtual_log
+from tests.free_base_logs import HALF, Experiment, virtual_log
 from tests.robots import DATA
 from tests.runtime.conftest import Command
 
@@ -36,9 +36,9 @@ def test_a_sensor_that_works_in_one_part_only(hopper: Library, arrays: Arrays, r
     wrench = arrays["contact_wrench"].copy()
     wrench[rows, 0] = np.nan
     log = free_base_of(arrays | {"contact_wrench": wrench}, "log")
-    result = identify_free_base(log, hopper, "all", share=0.5)
+    result = identify(log, hopper, rows="all", split=HALF)
     assert len(result.record.torque_rms.after) == (9 if rows.start == 0 else 3)
-    whole = identify_free_base(free_base_of(arrays, "log"), hopper, "all")
+    whole = identify(free_base_of(arrays, "log"), hopper, rows="all")
     mass, sigma = result.record.total_mass.value, result.record.total_mass.sigma
     # 95 % interval; exact data of six base rows determine the mass to rounding and prior.
     assert abs(mass - whole.record.total_mass.value) < 1.96 * sigma + 1e-6
@@ -51,21 +51,21 @@ def test_exchanged_contacts_are_named(hopper: Library, arrays: Arrays) -> None:
     """Property: wrenches under the name of another contact are refused, with the right order."""
     links = arrays["contact_links"][::-1]
     with pytest.raises(RuntimeFault, match="expected right_thigh, left_foot in this order"):
-        identify_free_base(
+        identify(
             free_base_of(arrays | {"contact_links": arrays["contact_links"],
                                    "contact_wrench": arrays["contact_wrench"][:, ::-1]}, "log"),
             hopper,
-            "base",
+            rows="base",
         )  # fmt: skip
     with pytest.raises(RuntimeFault, match="contact_links"):
-        identify_free_base(free_base_of(arrays | {"contact_links": links}, "log"), hopper, "all")
+        identify(free_base_of(arrays | {"contact_links": links}, "log"), hopper, rows="all")
 
 
 def test_columns_without_names_are_noted(hopper: Library, arrays: Arrays) -> None:
     """Property: where rows stay unexplained, a log without names of joints gets a note."""
     unnamed = {key: value for key, value in arrays.items() if key != "joints"}
     mixed = {key: arrays[key][:, [2, 0, 1]] for key in ("q", "dq", "ddq", "tau")}
-    result = identify_free_base(free_base_of(unnamed | mixed, "log"), hopper, "joints")
+    result = identify(free_base_of(unnamed | mixed, "log"), hopper, rows="joints")
     assert any("no array joints, which names them" in note for note in result.record.warnings)
 
 
@@ -74,11 +74,11 @@ def test_contacts_that_hide_every_row_name_what_is_missing(hopper: Library, arra
     unknown = {key: value for key, value in arrays.items() if key != "contact_wrench"}
     everything = unknown | {"contact_flags": np.ones((200, 2))}
     with pytest.raises(RuntimeFault, match="leave no equation") as raised:
-        identify_free_base(free_base_of(everything, "log"), hopper, "all")
+        identify(free_base_of(everything, "log"), hopper, rows="all")
     assert "--settings rows=all" not in str(raised.value)
     assert "contact_kind = 'point'" in str(raised.value)
     with pytest.raises(RuntimeFault, match="--settings rows=all"):
-        identify_free_base(free_base_of(everything, "log"), hopper, "base")
+        identify(free_base_of(everything, "log"), hopper, rows="base")
 
 
 def test_names_as_bytes(hopper: Library, arrays: Arrays) -> None:
@@ -95,7 +95,7 @@ def test_bytes_of_another_encoding(hopper: Library, arrays: Arrays) -> None:
     links = np.array([b"fu\xdf", FEET[1].encode()])
     log = free_base_of(arrays | {"contact_links": links}, "log")
     with pytest.raises(RuntimeFault, match="fu\ufffd"):
-        identify_free_base(log, hopper, "all")
+        identify(log, hopper, rows="all")
     with pytest.raises(RuntimeFault, match="contact_kind is 'fl\ufffdche', expected one of"):
         free_base_of(arrays | {"contact_kind": np.array(b"fl\xe4che")}, "log")
 
@@ -108,9 +108,7 @@ def test_time_in_another_unit(hopper: Library, arrays: Arrays, measured: str, un
     gone = {"dq", "base_twist"} - {measured}
     kept = {key: value for key, value in arrays.items() if key not in gone}
     with pytest.raises(RuntimeFault, match=r"time looks like [mu]s|too low .* t in s"):
-        identify_free_base(
-            free_base_of(kept | {"t": unit * arrays["t"]}, "log"), hopper, cutoff_hz=20.0
-        )
+        identify(free_base_of(kept | {"t": unit * arrays["t"]}, "log"), hopper, cutoff=20.0)
 
 
 def test_priors_of_joints_are_refused(hopper: Library, arrays: Arrays, tmp_path: Path) -> None:
@@ -118,9 +116,7 @@ def test_priors_of_joints_are_refused(hopper: Library, arrays: Arrays, tmp_path:
     path = tmp_path / "prior.toml"
     path.write_text(f"[armature]\n{hopper.joint_names[0]} = 0.1\n")
     with pytest.raises(RuntimeFault, match=r"the prior states \[armature\], and the equations"):
-        identify_free_base(
-            free_base_of(arrays, "log"), hopper, "all", prior=read_prior(path, hopper)
-        )
+        identify(free_base_of(arrays, "log"), hopper, rows="all", prior=read_prior(path, hopper))
 
 
 def test_other_commands_read_the_result_of_a_free_base(
@@ -167,7 +163,7 @@ def test_sensors_that_read_nothing_in_the_test_part(hopper: Library, arrays: Arr
     wrench = arrays["contact_wrench"].copy()
     wrench[100:] = 0.0
     log = arrays | {"contact_wrench": wrench}
-    result = identify_free_base(free_base_of(log, "log"), hopper, "base", share=0.5)
+    result = identify(free_base_of(log, "log"), hopper, rows="base", split=HALF)
     assert result.record.vertical_force is None
     assert any("of the test part are zero throughout" in note for note in result.record.warnings)
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from runtime.errors import RuntimeFault
-from runtime.identification.free_base.identify import identify_free_base
+from runtime.identification.identify import identify
 from runtime.library import Library
 from runtime.recording.free_base import free_base_of
 from runtime.recording.preprocessing.free_base_motion import motion_of
@@ -145,7 +145,7 @@ def test_another_convention_gets_a_sentence(hopper: Library, arrays: Arrays, cas
     """Property: what came, what is expected, and how to convert it."""
     change, sentence = CASES[case]
     with pytest.raises(RuntimeFault, match=sentence):
-        identify_free_base(free_base_of(arrays | change(arrays), "log"), hopper, "base")
+        identify(free_base_of(arrays | change(arrays), "log"), hopper, rows="base")
 
 
 def test_statements_of_one_pose_agree(hopper: Library, arrays: Arrays) -> None:
@@ -160,8 +160,7 @@ def test_statements_of_one_pose_agree(hopper: Library, arrays: Arrays) -> None:
     both |= {"q": turns, "contact_axes": np.array([b"link"])}
     plain = {key: value for key, value in arrays.items() if key not in {"base_twist"}}
     results = [
-        identify_free_base(free_base_of(log, "log"), hopper, "base")
-        for log in (plain, plain | both)
+        identify(free_base_of(log, "log"), hopper, rows="base") for log in (plain, plain | both)
     ]
     # Euler angles at 1e-16 by the squared rate of 1e4 / s² and the condition of the fit, 1e3.
     np.testing.assert_allclose(results[1].pi, results[0].pi, rtol=0, atol=1e-8)
@@ -210,7 +209,7 @@ def test_a_table_is_no_log_of_a_free_base(
 def test_what_does_not_fit_is_noted(hopper: Library, arrays: Arrays) -> None:
     """Property: a contact point far from the true one leaves moments that no body explains."""
     wrong = arrays | {"contact_position": np.array([[0.0, 0, 1], [1, 0, 0]])}
-    result = identify_free_base(free_base_of(wrong, "log"), hopper, "joints")
+    result = identify(free_base_of(wrong, "log"), hopper, rows="joints")
     assert any("half of the rows keep an error of" in note for note in result.record.warnings)
 
 
@@ -259,7 +258,7 @@ def test_another_convention_of_wrenches(hopper: Library, arrays: Arrays, case: s
     missing = {"base_twist", "base_acceleration"} if case == "mm" else set()
     log = {k: v for k, v in (arrays | change(arrays, hopper)).items() if k not in missing}
     with pytest.raises(RuntimeFault, match=sentence):
-        identify_free_base(free_base_of(log, "log"), hopper, "all")
+        identify(free_base_of(log, "log"), hopper, rows="all")
 
 
 def test_wrenches_in_axes_of_the_world(hopper: Library, arrays: Arrays) -> None:
@@ -270,7 +269,5 @@ def test_wrenches_in_axes_of_the_world(hopper: Library, arrays: Arrays) -> None:
     tau = arrays["tau"]
     arrays |= {"tau": tau + np.random.default_rng(0).normal(scale=0.01, size=tau.shape)}
     world = arrays | {"contact_wrench": in_world(arrays, hopper), "contact_axes": np.array("world")}
-    results = [
-        identify_free_base(free_base_of(log, "log"), hopper, "all") for log in (arrays, world)
-    ]
+    results = [identify(free_base_of(log, "log"), hopper, rows="all") for log in (arrays, world)]
     np.testing.assert_allclose(results[1].pi, results[0].pi, rtol=0, atol=1e-3)

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from runtime.errors import RuntimeFault
-from runtime.identification.free_base.identify import identify_free_base
 from runtime.identification.free_base.result import FreeBaseIdentification
 from runtime.identification.free_base.rows import FreeBaseRows, rows_of
+from runtime.identification.identify import identify
 from runtime.library import Library
 from runtime.recording.free_base import free_base_of
 from runtime.recording.preprocessing.free_base_motion import motion_of
+from tests.free_base_logs import HALF
 from tests.runtime.conftest import Command
 
 FEET = ("left_foot", "right_thigh")
@@ -47,7 +48,7 @@ def standing(read: bool = True) -> dict[str, np.ndarray]:
 
 
 def identified(lib: Library, arrays: dict[str, np.ndarray]) -> FreeBaseIdentification:
-    return identify_free_base(free_base_of(arrays, "log"), lib, "base", share=0.5)
+    return identify(free_base_of(arrays, "log"), lib, rows="base", split=HALF)
 
 
 def test_reading_of_shared_load_is_estimated(hopper: Library) -> None:
@@ -91,7 +92,7 @@ def test_noise_is_that_of_sensors_within_their_prior(hopper: Library) -> None:
         for more in ({}, {"contact_force_z_sharing": np.array(1e-9)})
     ]
     without, exact = (
-        identify_free_base(recording, hopper, "base", cutoff_hz=0.5, share=0.5).record
+        identify(recording, hopper, rows="base", cutoff=0.5, split=HALF).record
         for recording in recordings
     )
     assert exact.total_mass.value == pytest.approx(without.total_mass.value, rel=1e-6)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from runtime.errors import RuntimeFault
-from runtime.identification.free_base.identify import identify_free_base
 from runtime.identification.free_base.result import write_free_base
 from runtime.identification.free_base.rows import contact_jacobian
+from runtime.identification.identify import identify
 from runtime.identification.posterior_file import read_posterior
 from runtime.identification.saved_result import SavedResult, read_result
 from runtime.library import Library
@@ -52,7 +52,7 @@ def watched(request, hopper: Library, tmp_path_factory) -> Watched:
         for part in (slice(0, 1200), slice(1200, None))
     )
     folder = tmp_path_factory.mktemp("watched")
-    result = identify_free_base(free_base_of(first, "first"), hopper, request.param, cutoff_hz=10.0)
+    result = identify(free_base_of(first, "first"), hopper, rows=request.param, cutoff=10.0)
     write_free_base(result, folder, "test")
     saved = read_result(folder)
     root = read_posterior(folder, saved, hopper).of_readings().root(hopper)

@@ -194,6 +194,11 @@ def drives_of(
             train = trained(motion)
             few = motion.rows(train[:: max(1, len(train) // ENOUGH)])
         before = drives.covariance
+        if before is None and not np.any(few.tau):
+            raise IdentificationError(
+                f"{recording.name}: every torque of the joints is zero, expected those that move "
+                "the robot; give them, or leave out friction and delay"
+            )
         if before is None:
             before = _first_noise(lib, few)
             drives = replace(drives, covariance=before)

@@ -95,7 +95,7 @@ def prepared_walk(
     share = (settings.split or Split()).joined()[1]
     if not 0.1 <= share <= 0.95:
         raise IdentificationError(
-            f"expected a training share of 0.1 to 0.95 of the log, got {share:g}; use --split"
+            f"--split needs a training share of 0.1 to 0.95 of the log, got {share:g}"
         )
     rows = settings.rows or usual_rows(recording)
     cutoff_hz, drives, notes = cutoff_of(settings.cutoff), None, tuple[str, ...]()

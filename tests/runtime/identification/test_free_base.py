@@ -266,9 +266,10 @@ def test_command(lib: Library, log: VirtualLog, tmp_path: Path, command: Command
     assert low < true_pi(lib, log)[::10].sum() < high or abs(high - low) < 0.1
     assert [link["name"] for link in facts["links"]] == list(lib.link_names)
     assert (out / "identified.urdf").exists()
-    done = command("identify", path, "--robot", lib.folder, "--friction", "viscous", "--out", out)
+    rows = ("--settings", "rows=base", "--friction", "viscous", "--overwrite")
+    done = command("identify", path, "--robot", lib.folder, *rows, "--out", out)
     assert done.code == 2
-    assert "--friction does not apply to a robot with a free base" in done.err
+    assert "friction and delay belong to the torques of joints" in done.err
 
 
 @pytest.mark.parametrize("words", [("inspect", "walk.npz"), ("excite",), ("compare", "walk.npz")])

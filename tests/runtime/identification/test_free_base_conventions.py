@@ -185,7 +185,7 @@ def test_unknown_rows_and_split(
     for wrong in ("0.8,0.5", "all", "0.5,0.6,0.7"):
         done = command(*words, "--split", wrong)
         assert (done.code, "--split needs" in done.err) == (2, True)
-    refused = ("encoder_bias=true", "stream=true", "save_statistics=true", "coulomb_speed=0.1")
+    refused = ("encoder_bias=true", "stream=true", "regressor=momentum", "gain_sigma=0.1")
     for setting in (*refused, "refit=false", "seed=1"):
         done = command(*words, "--overwrite", "--settings", setting)
         assert done.code == 2

@@ -1,14 +1,14 @@
 """Mirrored links: the equations hold for mirror images, and only mirrored joints are tied."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from runtime.errors import IdentificationError
-from runtime.identification.drive.symmetry import mirrored_links
-from runtime.identification.identify import with_mirrored_links
+from runtime.identification.drive.symmetry import mirrored_links, with_mirrored_links
 from runtime.library import Array, Library
 
 MIRROR = np.diag([1.0, -1.0, 1.0])
@@ -31,16 +31,36 @@ class TwoLimbs:
     joint_names: tuple[str, ...] = ("left_hip", "right_hip")
     name: str = "limbs"
     n_joints: int = 2
-    n_links: int = 2
-    pi0: Array = field(default_factory=lambda: np.zeros(20))
+    floating: bool = False
+
+    @property
+    def manifest(self) -> Any:
+        """Whether the base is free."""
+        return SimpleNamespace(floating=self.floating)
+
+    @property
+    def n_links(self) -> int:
+        """The limbs, and the link of a free base before them."""
+        return 2 + self.floating
+
+    @property
+    def n_rows(self) -> int:
+        """Coordinates, of a free base first."""
+        return 2 + 6 * self.floating
+
+    @property
+    def pi0(self) -> Array:
+        """Ten parameters of every link."""
+        return np.zeros(10 * self.n_links)
 
     def link_poses(self, q: Array) -> Array:
-        """Poses in the base, (N, 2, 4, 4)."""
-        poses = np.zeros((len(q), 2, 4, 4))
-        for i, angles in enumerate(q):
-            for k, angle in enumerate(angles):
-                poses[i, k, :3, :3] = turned(self.axes[k], angle) @ self.frames[k]
-                poses[i, k, :3, 3] = self.places[k]
+        """Poses in the base, (N, links, 4, 4); a free base is at rest."""
+        poses = np.zeros((len(q), self.n_links, 4, 4))
+        for i, angles in enumerate(q[:, -2:]):
+            for k, angle in enumerate(angles, start=self.floating):
+                poses[i, k, :3, :3] = turned(self.axes[k - self.floating], angle)
+                poses[i, k, :3, :3] @= self.frames[k - self.floating]
+                poses[i, k, :3, 3] = self.places[k - self.floating]
         return poses
 
 
@@ -63,9 +83,10 @@ def parameters(masses: Array, points: Array) -> Array:
     return np.array([masses.sum(), *(masses @ points), *entries])
 
 
+@pytest.mark.parametrize("floating", [False, True])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("across", range(3))
-def test_equations_hold_for_mirrored_masses(sign: float, across: int) -> None:
+def test_equations_hold_for_mirrored_masses(sign: float, across: int, floating: bool) -> None:
     """Oracle: point masses, and their mirror images in the frame of the right link.
 
     Rounding: ten products of numbers of size 10.
@@ -73,14 +94,16 @@ def test_equations_hold_for_mirrored_masses(sign: float, across: int) -> None:
     rng = np.random.default_rng(0)
     mirror = np.diag(np.where(np.arange(3) == across, -1.0, 1.0))
     robot = limbs(rng, sign, mirror)
+    robot.floating = floating
     masses, points = rng.uniform(0.1, 1.0, size=5), rng.normal(size=(5, 3))
     images = points @ robot.frames[0].T @ mirror @ robot.frames[1]
-    pi = np.concatenate([parameters(masses, points), parameters(masses, images)])
+    base = np.ones(10 * floating)  # its parameters are in no equation
+    pi = np.concatenate([base, parameters(masses, points), parameters(masses, images)])
     rows = mirrored_links(cast(Library, robot), ("left:right",))
     assert len(rows) == 10
     values = np.array([row.coefficients @ pi - row.value for row in rows])
     np.testing.assert_allclose(values, 0.0, atol=1e-12)
-    other = np.concatenate([pi[:10], parameters(masses, images + 0.1)])
+    other = np.concatenate([pi[:-10], parameters(masses, images + 0.1)])
     assert max(abs(row.coefficients @ other) for row in rows) > 1e-2
 
 

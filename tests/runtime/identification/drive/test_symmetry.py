@@ -9,10 +9,10 @@ import pytest
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.samples import samples_of
-from runtime.identification.drive import symmetry
 from runtime.identification.drive.estimate import identify_drive
 from runtime.identification.drive.result import DriveRequest
-from runtime.identification.drive.symmetry import RISES, mirrored_joints, with_sides
+from runtime.identification.drive.symmetry import RISES, mirrored_joints, sides_of, with_sides
+from runtime.identification.posterior_file import friction_root
 from runtime.identification.settings import Settings
 from runtime.library import Library
 from runtime.recording import Preparation, read_recording
@@ -40,9 +40,7 @@ def test_names_that_differ_in_one_part() -> None:
             mirrored_joints(names, (text,))
 
 
-def test_equal_drives_agree_and_a_worn_one_is_named(
-    lib: Library, command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_equal_drives_agree_and_a_worn_one_is_named(lib: Library, command, tmp_path: Path) -> None:
     """Property: joints with equal drives agree; the one with three times the friction does not, and
     the held-out error with the drive of the other side says that the robot is the reason.
 
@@ -78,10 +76,13 @@ def test_equal_drives_agree_and_a_worn_one_is_named(
     rise = np.linalg.norm(errors[0]) / np.linalg.norm(errors[1])
     assert worn.exchanged_error_ratio == pytest.approx(rise, rel=1e-9)
     assert "the two drives differ" in worn.sentence
+    root = friction_root(result)
     for rise, said in ((1.04, "error is hardly larger"), (1.06, "1.06 times as large: the two")):
-        monkeypatch.setattr(symmetry, "_rise", lambda *_, rise=rise: rise)
-        others = with_sides(result, PAIRS[1:]).symmetric
-        assert said in next(each.sentence for each in others if each.quantity == "friction")
+        pairs, _ = sides_of(
+            *(lib.joint_names, PAIRS[1:], result.friction.columns, result.phi, root),
+            lambda change, _, rise=rise: rise if change.any() else 1.0,
+        )
+        assert said in next(each.sentence for each in pairs if each.quantity == "friction")
     words = (
         "identify",
         str(log),

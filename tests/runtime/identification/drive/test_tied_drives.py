@@ -37,15 +37,16 @@ def result_of(seed: int) -> Identification:
 def test_prior_is_the_mean_of_each_group() -> None:
     """Oracle: means by hand; pairs that share a joint form one group, dry friction stays apart."""
     result = result_of(0)
-    prior, names = tied_prior(result, Settings(), ("FL:FR", "RL:RR", "FL:RL"))
-    assert names == ("viscous", "armature")
+    pairs = ("FL:FR", "RL:RR", "FL:RL")
+    prior, note = tied_prior(NAMES, pairs, TERMS.columns, result.phi, None)
+    assert note.startswith("viscous and armature of the joints")
     hips, knees = result.phi[:4].mean(axis=0), result.phi[4:6].mean(axis=0)
     for k in (0, 3):
         np.testing.assert_allclose(prior.mean[:, k], [*[hips[k]] * 4, *[knees[k]] * 2, 0.0])
         np.testing.assert_allclose(prior.sigma[:6, k], SPREAD * prior.mean[:6, k])
     assert np.isinf(prior.sigma[:, 1:3]).all()
     assert np.isinf(prior.sigma[6]).all()
-    apart, _ = tied_prior(result, Settings(), ("FL:FR", "RL:RR"))
+    apart, _ = tied_prior(NAMES, ("FL:FR", "RL:RR"), TERMS.columns, result.phi, None)
     assert apart.mean[0, 0] == pytest.approx(result.phi[:2, 0].mean())
     assert apart.mean[2, 0] == pytest.approx(result.phi[2:4, 0].mean())
 
@@ -54,7 +55,7 @@ def test_a_stated_prior_stays_where_nothing_is_tied() -> None:
     """Property: the prior of friction that the settings have is kept for other coefficients."""
     shape = (len(NAMES), 4)
     known = FrictionPrior(np.full(shape, 0.3), np.full(shape, 0.05))
-    prior, _ = tied_prior(result_of(1), Settings(friction_prior=known), ("FL:FR",))
+    prior, _ = tied_prior(NAMES, ("FL:FR",), TERMS.columns, result_of(1).phi, known)
     np.testing.assert_array_equal(prior.mean[2:4], known.mean[2:4])
     np.testing.assert_array_equal(prior.sigma[:, 1], known.sigma[:, 1])
     assert prior.sigma[0, 0] != known.sigma[0, 0]

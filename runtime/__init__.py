@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from runtime.excitation.search.design import Design, excite
     from runtime.excitation.search.design_settings import DesignSettings
     from runtime.identification.evaluation import Evaluation, evaluate
+    from runtime.identification.free_base.result import FreeBaseIdentification
     from runtime.identification.identified import Identification
     from runtime.identification.identify import identify
     from runtime.identification.online import OnlineEstimate, OnlineEstimator
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from runtime.outputs.model_files.export import export, to_mujoco, to_pinocchio
     from runtime.outputs.report.report import write_report as report
     from runtime.recording import Recording, read_recording, write_recording
+    from runtime.recording.free_base import FreeBaseRecording, read_free_base
     from runtime.tapes.functions import jax, torch
 
 __version__ = "0.1.0"
@@ -57,6 +59,8 @@ __all__ = [
     "Design",
     "DesignSettings",
     "Evaluation",
+    "FreeBaseIdentification",
+    "FreeBaseRecording",
     "Gains",
     "Identification",
     "Inspection",
@@ -80,6 +84,7 @@ __all__ = [
     "inspect",
     "jax",
     "load",
+    "read_free_base",
     "read_recording",
     "read_result",
     "report",
@@ -98,6 +103,7 @@ _MODULES = {
     "runtime.excitation.search.design": ("Design", "excite"),
     "runtime.excitation.search.design_settings": ("DesignSettings",),
     "runtime.identification.evaluation": ("Evaluation", "evaluate"),
+    "runtime.identification.free_base.result": ("FreeBaseIdentification",),
     "runtime.identification.identified": ("Identification",),
     "runtime.identification.identify": ("identify",),
     "runtime.identification.online": ("OnlineEstimate", "OnlineEstimator"),
@@ -113,6 +119,7 @@ _MODULES = {
     "runtime.outputs.model_files.export": ("export", "to_mujoco", "to_pinocchio"),
     "runtime.outputs.report.report:write_report": ("report",),
     "runtime.recording": ("Recording", "read_recording", "write_recording"),
+    "runtime.recording.free_base": ("FreeBaseRecording", "read_free_base"),
     "runtime.tapes.functions": ("jax", "torch"),
 }
 """Names of every module, and another name there; imported at the first use: scipy takes 0.5 s."""

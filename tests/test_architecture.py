@@ -187,11 +187,16 @@ def test_every_module_has_a_user(imports: Imports) -> None:
     assert unused == []
 
 
+def is_overload(node: ast.FunctionDef | ast.ClassDef) -> bool:
+    """Whether a function is only a signature for type checkers."""
+    return any(isinstance(d, ast.Name) and d.id == "overload" for d in node.decorator_list)
+
+
 def stated_twice(tree: ast.Module) -> set[str]:
-    """Names that a module states more than once."""
+    """Names that a module states more than once; overloads state signatures of one function."""
     names: list[str] = []
     for node in tree.body:
-        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and not is_overload(node):
             names.append(node.name)
         targets = [*node.targets] if isinstance(node, ast.Assign) else []
         targets += [node.target] if isinstance(node, ast.AnnAssign) else []

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 from functools import cache
 
-from tests.test_architecture import is_part, nodes_of_trees, trees
+from tests.test_architecture import is_overload, is_part, nodes_of_trees, trees
 
 AVOIDED = {
     *("told", "found", "own", "asked", "judged", "heard", "settled"),
@@ -89,7 +89,7 @@ def functions(module: str) -> Iterator[tuple[ast.FunctionDef, bool, str]]:
     """
     body = trees()[module].body
     for node in nodes_of_trees()[module]:
-        if isinstance(node, ast.FunctionDef) and node in body:
+        if isinstance(node, ast.FunctionDef) and node in body and not is_overload(node):
             yield node, (module, node.name) in exported(), ""
         elif isinstance(node, ast.ClassDef):
             public = (module, node.name) in exported() or node.name in bases()

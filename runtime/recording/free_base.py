@@ -24,6 +24,7 @@ An NPZ with one row per instant, SI units:
 """
 
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -172,8 +173,19 @@ def _texts(values: NDArray) -> NDArray:
     return np.char.decode(values, "utf-8", "replace") if values.dtype.kind == "S" else values
 
 
-def read_free_base(path: Path) -> FreeBaseRecording:
-    """Read an NPZ of this layout."""
+def read_free_base(path: str | PathLike[str]) -> FreeBaseRecording:
+    """Read the log of a robot with a free base, an NPZ in the layout of this module.
+
+    Args:
+        path: file.
+
+    Returns:
+        Motion of joints and base, torques and contacts [SI].
+
+    Raises:
+        RecordingError: the file cannot be read, or its arrays do not fit the layout.
+    """
+    path = Path(path)
     try:
         data = bytes_of(path)
         if not data.startswith(_ZIP):

@@ -2,8 +2,10 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from runtime import identify, read_free_base
 from runtime.library import Library, load
 from symgen.chain import ChainOptions
 from symgen.make.pipeline import build
@@ -77,6 +79,24 @@ def test_a_cell(
     ran = command(*words)
     assert combinations.cell_of(ran.code, ran.err) == stated()[feature, kind.name], ran.err
     assert feature != "rerun" or "same digits: result.json" in ran.out, ran.out
+
+
+def test_mirrored_limbs_of_a_walk_are_tied(walker: Library, logs: Path) -> None:
+    """Property: both sides get one body and nearly one friction, whose comparison is stated."""
+    walk = read_free_base(logs / "walk.npz")
+    settings = {"friction": "viscous,coulomb", "symmetric": ("left:right",)}
+    apart, tied = (identify(walk, walker, **settings, tie=tie) for tie in (False, True))
+    for result, is_tied in ((apart, False), (tied, True)):
+        masses = dict(zip(walker.link_names, result.pi[::10], strict=True))
+        differences = [
+            masses[f"left_{part}"] - masses[f"right_{part}"] for part in ("upper", "fore")
+        ]
+        # Equations hold to the accuracy of the conic solver.
+        assert (np.abs(differences).max() < 1e-6) == is_tied
+        assert {each.quantity for each in result.record.symmetric} == {"friction"}
+    assert any("are tied to their mean within 10 %" in note for note in tied.record.warnings)
+    # The walk has equal friction on both sides.
+    assert all(each.agrees for each in apart.record.symmetric)
 
 
 def test_reasons_are_few() -> None:

@@ -257,9 +257,9 @@ def mirrored_links(lib: Library, pairs: tuple[str, ...]) -> tuple[ConstraintRow,
         image = mirror_image(turn)
         of_right, of_left = (link_columns(of_base + joint) for joint in (right, left))
         name = f"{lib.joint_names[left]}:{lib.joint_names[right]}"
-        for own, other in zip(np.eye(N_PARAMETERS), image, strict=True):
+        for entry, of_mirror in zip(np.eye(N_PARAMETERS), image, strict=True):
             row = np.zeros(lib.pi0.size)
-            row[of_right], row[of_left] = own, -other
+            row[of_right], row[of_left] = entry, -of_mirror
             rows.append(ConstraintRow(name, row, 0.0))
     return tuple(rows)
 

@@ -181,12 +181,7 @@ def rows_by_result(
     cutoff_hz: float | None,
     most: int | None = None,
 ) -> tuple[FreeBaseMotion, FreeBaseRows, Array, bool]:
-    """Equations of another log by the columns of a result.
-
-    Returns:
-        Motion and equations, at most `most` instants; φ of all columns; whether drives are among
-        them.
-    """
+    """Equations of another log, at most `most` instants, φ of all columns, and if of drives too."""
     record, drives, late = saved.record, None, 0.0
     # What a commanded torque loses in the drives, a measured one need not.
     of_drives = record.torque_source == MEASURED and (record.friction or record.delays)

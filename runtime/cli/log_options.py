@@ -67,9 +67,10 @@ Parts = Annotated[
     str | None,
     typer.Option(
         "--split",
-        metavar="A,B|all",
-        help="Fractions of the duration: training from 0 to A, validation from A to B, test from "
-        "B to 1; all trains on all rows, for a test by evaluate with another log. Methods that do "
+        metavar="A,B|B|all",
+        help="Fractions of the duration: training from 0 to A, 0.8 B where B stands alone, "
+        "validation from A to B, test from B to 1; all trains on all rows, for a test by evaluate "
+        "with another log. Methods that do "
         "not stop by the validation part train on it as well. Default from the recipe, else "
         "0.48,0.6.",
     ),
@@ -226,11 +227,11 @@ def split_of(text: str | None) -> Split | None:
         return None
     if text == "all":
         return EVERYTHING
-    if "," in text:
-        a, b = numbers_option(text, 2, "--split")
-    else:
-        (b,) = numbers_option(text, 1, "--split")
+    try:
+        b = float(text)
         a = TRAINED * b
+    except ValueError:
+        a, b = numbers_option(text, 2, "--split")
     if not 0 < a < b < 1:
         raise IdentificationError(f"--split needs 0 < A < B < 1, got '{text}'")
     return Split((0.0, a), (a, b), (b, 1.0))

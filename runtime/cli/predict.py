@@ -7,6 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from runtime.campaign.shortest_session import ModelError
+from runtime.cli.accuracy_tables import (
+    base_table,
+    gain_table,
+    link_table,
+    payload_sentence,
+    torque_sentence,
+)
 from runtime.cli.common import counting, open_robot, state
 from runtime.cli.log_options import Cutoff, LogChoices, Rate, bundled_logs
 from runtime.cli.planned_log import (
@@ -27,15 +34,12 @@ from runtime.common.settings import (
     model_field,
     output_field,
 )
-from runtime.common.tables import Table
 from runtime.common.terminal import completing, say, show
 from runtime.errors import IdentificationError
-from runtime.estimators.regression.posterior import DETERMINED
 from runtime.excitation.search.criteria import unseen_joints
 from runtime.excitation.search.information import FRICTION, NOISE, RATE, information
 from runtime.excitation.trajectory_file import read_trajectory
 from runtime.identification.expected_accuracy.expected import (
-    ARM_ERROR,
     SECONDS,
     Expected,
     GainOfRecording,
@@ -57,13 +61,15 @@ from runtime.identification.expected_accuracy.planned_samples import (
     noise_of,
     planned_recording,
 )
+from runtime.identification.free_base.expected import TOTAL_MASS, expected_of_walk, named_of_walk
+from runtime.identification.identify import identify
 from runtime.identification.prepared_log import prepared_log
 from runtime.identification.settings import Settings
 from runtime.library import Array, Library
-from runtime.library.manifest import common_unit, listed_torques, torque_units
-from runtime.library.parameters import N_PARAMETERS, inertia, links, mass
+from runtime.library.manifest import common_unit, torque_units
 from runtime.outputs.report.log_figure import draw_growth
 from runtime.recording import Friction, read_recording
+from runtime.recording.free_base import read_free_base
 from runtime.recording.settings import COLUMNS
 from runtime.simulation import sample_times
 
@@ -135,7 +141,10 @@ def predict_command(given: PredictSettings) -> None:
     these correlated residuals. With --more, record on while any σ improves by more than
     10 %.
     """
-    lib = open_robot(given.robot, given.yes)
+    lib = open_robot(given.robot, given.yes, takes_free_base=True)
+    if lib.manifest.floating:
+        _predict_walk(lib, given)
+        return
     require_unused([given.plot] if given.plot else [], given.overwrite, "the setting plot")
     gains = _gain_error(given.gain_error, given.payload_only)
     if given.log_rate is not None:
@@ -163,6 +172,44 @@ def predict_command(given: PredictSettings) -> None:
     _show(situation, now, gains, steps)
     if given.plot is not None:
         say(f"plot: {given.plot}")
+
+
+OF_WALK = ("trajectory", "robot", "yes", "friction", "cutoff", "more", "as_json")
+"""Parameters of the command that apply to a robot with a free base."""
+
+
+def _predict_walk(lib: Library, given: PredictSettings) -> None:
+    """Print the accuracy that `identify` reaches with a log of a robot with a free base."""
+    unused = [option for name, option in given.stated().items() if name not in OF_WALK]
+    if unused or given.more not in {None, SAME}:
+        raise IdentificationError(
+            f"{unused[0] if unused else '--more with another log'} does not apply to a robot with "
+            f"a free base; leave it out{'' if unused else f', or give --more {SAME}'}"
+        )
+    log = read_free_base(given.trajectory)
+    result = identify(log, lib, cutoff=given.cutoff, friction=given.friction)
+    now, names = expected_of_walk(result), named_of_walk
+    before = names(result, now)
+    steps = tuple(
+        gained(before, names(result, expected_of_walk(result, s)), s, "the same motion")
+        for s in (SECONDS if given.more else ())
+    )
+    columns = list(result.friction.columns)
+    if given.as_json:
+        figures = {"robot": lib.name, "motion": log.name, "seconds": result.trained_seconds}
+        known = figures | {"friction": columns, TOTAL_MASS: before[TOTAL_MASS]} | facts(now, lib)
+        print(json_text(known | facts_of_steps(steps)), end="")
+        return
+    say(
+        f"{log.name}: {result.trained_seconds:.3g} s train, friction columns: "
+        f"{', '.join(columns) or 'none'}; σ contain offsets of the contact sensors"
+    )
+    show(base_table(now, lib))
+    show(link_table(now, lib))
+    say(f"total mass to ±{1000 * before[TOTAL_MASS]:.1f} g")
+    if steps:
+        show(gain_table(steps))
+        say(verdict(steps))
 
 
 _MOMENTUM = "; rows of momentum, which show more than the rows of energy that the recipe states"
@@ -261,13 +308,18 @@ def _facts(
         figures["torque_of_unseen_motions"] = torque.tolist()
         figures["gain_error"] = gain_error
         figures["torque_of_unseen_motions_with_gains"] = whole.tolist()
-    if steps:
-        figures["more"] = [
-            {"seconds": step.seconds, "motion": step.motion, "gains": dict(step.gains)}
-            for step in steps
-        ]
-        figures["verdict"] = verdict(steps)
-    return figures
+    return figures | facts_of_steps(steps)
+
+
+def facts_of_steps(steps: tuple[GainOfRecording, ...]) -> dict[str, object]:
+    """Gains of recording on as JSON-ready values; none without them."""
+    if not steps:
+        return {}
+    more = [
+        {"seconds": step.seconds, "motion": step.motion, "gains": dict(step.gains)}
+        for step in steps
+    ]
+    return {"more": more, "verdict": verdict(steps)}
 
 
 def _show(
@@ -384,88 +436,3 @@ def _gains(
     return tuple(
         gained(before, situation.expected(further, s).by_name(lib, only), s, name) for s in SECONDS
     )
-
-
-def torque_sentence(bands: Array, units: Sequence[str], gain_error: float = 0.0) -> str:
-    """Sentence on the σ of predicted torque for motions that are not in the log."""
-    sigmas = listed_torques(1000 * bands, units, ".2f", "m")
-    if gain_error:
-        off = f"{100 * gain_error:g} % off (the setting gain_error), which residuals hardly show"
-        return f"with torque gains that may be {off}: {sigmas}"
-    return f"expected σ of the predicted torque, joint by joint: {sigmas}"
-
-
-def unit_payload_sentence(mass: float, com: Array) -> str:
-    """Sentence on the accuracy of a payload of 1 kg."""
-    position = " ".join(f"{1000 * value:.2f}" for value in com)
-    return (
-        f"a payload of 1 kg on a known arm: mass to ±{1000 * mass:.2f} g, "
-        f"centre of mass to ±({position}) mm"
-    )
-
-
-def payload_sentence(expected: Expected, alone: bool) -> str:
-    """Sentence on the expected accuracy of a payload."""
-    if expected.payload is None or expected.payload_com is None:
-        return "note: a payload on the last link is not identifiable: too few joints turn it"
-    sentence = unit_payload_sentence(float(mass(expected.payload)), expected.payload_com)
-    if expected.payload_of_arm is not None:
-        sentence += (
-            ", against an empty run of the same motion; without one, an arm whose links are "
-            f"{100 * ARM_ERROR:g} % off its model adds ±{1000 * mass(expected.payload_of_arm):.3g} "
-            "g to the mass"
-        )
-    if not alone:
-        return sentence
-    sigmas = " ".join(f"{value:.2g}" for value in inertia(expected.payload))
-    return f"{sentence}, inertia xx yy zz xy xz yz about the link's origin to ±({sigmas}) kg·m²"
-
-
-def base_table(expected: Expected, lib: Library) -> Table:
-    """Expected σ of every base parameter, the largest relative to its value first."""
-    names, base = base_names(lib), expected.base
-    rows = tuple(
-        (
-            names[k].removeprefix("base "),
-            "not identifiable" if base is None else f"{base[k]:.3g}",
-            f"{expected.base_map[k]:.3g}",
-            f"{100 * expected.relative[k]:.2f}",
-        )
-        for k in np.argsort(-expected.relative)
-    )
-    title = "base parameters: expected σ, the largest relative σ first"
-    return Table(("around", "least squares", "MAP", "MAP % of value"), rows, title=title)
-
-
-def link_table(expected: Expected, lib: Library) -> Table:
-    """Expected σ of mass, centre of mass and inertia of every link by MAP."""
-    bodies = zip(
-        lib.link_names, links(expected.pi), expected.com, links(expected.share), strict=True
-    )
-    rows = tuple(
-        (
-            name,
-            f"{1000 * mass(pi):.2f}",
-            " ".join(f"{1000 * value:.2f}" for value in com),
-            f"{inertia(pi).max():.2g}",
-            f"{np.sum(share < DETERMINED)} of {N_PARAMETERS}",
-        )
-        for name, pi, com, share in bodies
-    )
-    head = ("link", "mass g", "CoM mm", "inertia kg·m²", "from the data")
-    return Table(head, rows, title="links: expected σ with the URDF as prior")
-
-
-def gain_table(steps: Sequence[GainOfRecording]) -> Table:
-    """Improvement of σ by more recording: payload, largest, and count of those above 10 %."""
-    names = sorted(name for name in steps[0].gains if name.startswith("payload"))
-    rows = []
-    for step in steps:
-        top, gain = next(iter(step.gains.items()))
-        cells = (f"{100 * x:.1f}" for x in (*(step.gains[name] for name in names), gain))
-        rows.append(
-            (f"{step.seconds:g} s", *cells, f"{len(step.gaining)} of {len(step.gains)}", top)
-        )
-    head = ("more", *names, "largest", "above 10 %", "largest gain of")
-    title = f"expected gain of σ by more of {steps[0].motion}, %"
-    return Table(head, tuple(rows), title=title)

@@ -105,6 +105,7 @@ AFTERWARDS: dict[str, tuple[str, ...]] = {
     "export": ("export", "OUT", "--to", "urdf", "--overwrite"),
     "observe": ("observe", "LOG", "--model", "OUT", "--overwrite"),
     "watch": ("watch", "OUT", "LOG"),
+    "predict": ("predict", "LOG", "--more", "same"),
     "sample": ("sample", "OUT", "--count", "2", "--to", "urdf", "--overwrite"),
     "rerun": ("rerun", "OUT"),
 }

@@ -22,7 +22,7 @@ rate.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -118,26 +118,36 @@ def expected(
 ) -> Expected:
     """Standard deviations that identification reaches with given samples."""
     whole = _rows(lib, statistics, known.earlier, unit)
-    over_base = whole[:, list(lib.base_columns)]
-    base = covariance(over_base.T @ over_base)  # None where rows are rank deficient to rounding
     spread = spread_of(known.prior.bodies, known.pi, whole, known.kappa)
     root = spread.root if known.error is None else np.column_stack([spread.root, known.error])
-    base_map = np.linalg.norm(lib.base_matrix @ root, axis=1)
-    com = com_sigma(root, known.pi)
     payload, payload_com, of_arm = (None,) * 3
     if columns is not None:
         payload, payload_com, of_arm = _payload(lib, statistics, known, unit, columns)
+    return replace(
+        expected_of_root(lib, known.pi, root, spread.share, whole),
+        payload=payload,
+        payload_com=payload_com,
+        payload_of_arm=of_arm,
+    )
+
+
+def expected_of_root(lib: Library, pi: Array, root: Array, share: Array, rows: Array) -> Expected:
+    """Standard deviations by a root of the covariance of π, and by rows over π without prior."""
+    over_base = rows[:, list(lib.base_columns)]
+    base = covariance(over_base.T @ over_base)  # None where rows are rank deficient to rounding
+    base_map = np.linalg.norm(lib.base_matrix @ root, axis=1)
+    com = com_sigma(root, pi)
     return Expected(
         base=None if base is None else np.sqrt(np.diag(base)),
         base_map=base_map,
         relative=base_map / sizes(lib, information(lib)),
         pi=np.linalg.norm(root, axis=1),
-        share=spread.share,
+        share=share,
         com=np.array([each for each in com if each is not None]),
         root=root,
-        payload=payload,
-        payload_com=payload_com,
-        payload_of_arm=of_arm,
+        payload=None,
+        payload_com=None,
+        payload_of_arm=None,
     )
 
 

@@ -48,6 +48,7 @@ from runtime.identification.result_record import VerticalForcePart
 from runtime.library import Array, Integers, Library
 from runtime.library.free_base import FREEDOM
 from runtime.recording.free_base import FreeBaseRecording
+from runtime.recording.friction.columns import LOAD
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion, motion_of
 from runtime.recording.settings import Friction
 
@@ -165,7 +166,7 @@ PASSES, ENOUGH = 12, 500
 """Limit of the number of passes, and instants that they take."""
 ENOUGH_TO_CHOOSE = 2000
 """Instants that the choice of a friction model takes."""
-CANDIDATES = tuple(name for name in FRICTION_MODELS if name != "load")
+CANDIDATES = tuple(name for name, columns in FRICTION_MODELS.items() if LOAD.name not in columns)
 """Friction models to choose from: the load of a joint is not known beside unknown wrenches."""
 DONE_S, DONE = 1e-4, 0.03
 """Step of the delay [s] and relative change of σ at the end."""

@@ -10,14 +10,13 @@ import numpy as np
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.entropic_prior import CAD, prior_of
+from runtime.estimators.convex.entropic_prior import CAD
 from runtime.estimators.friction_bounds import OF
 from runtime.estimators.methods import METHODS, Method, chosen_method, fit_by
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import Fit, FrictionPrior, Problem
-from runtime.estimators.regression.factor import reduce
 from runtime.estimators.robust import robust_problem
-from runtime.estimators.uncertainty import LogInformation, laplace, visible_noise
+from runtime.estimators.uncertainty import LogInformation, visible_noise
 from runtime.identification.drive.symmetry import sides_of, tied_prior, with_mirrored_links
 from runtime.identification.free_base.drives import (
     RowNoise,
@@ -35,6 +34,7 @@ from runtime.identification.free_base.prepared_walk import (
     require_settings,
 )
 from runtime.identification.free_base.result import (
+    Evidence,
     FreeBaseIdentification,
     percent_of,
     total_mass,
@@ -94,7 +94,8 @@ def identify_free_base(
         tied, note = tied_prior(lib.joint_names, pairs, drives.terms.columns, phi, None)
         problem = replace(problem, friction_prior=_beside_sensors(tied, problem, places))
         fit, notes = fitted(problem), [note, *notes]
-    posterior, shares, root, inflation = _posterior(problem, fit, method, prior, task.offsets)
+    evidence, inflation = _evidence(problem, fit, method, prior, task.offsets)
+    posterior, shares, root = _posterior(evidence)
     mirrored: tuple[MirroredPair, ...] = ()
     if pairs:
         mirrored, of_sides = _sides(lib, data, fit, root, pairs, places)
@@ -172,6 +173,8 @@ def identify_free_base(
         posterior,
         level,
         float(data.test.t[-1] - data.test.t[0]),
+        float(data.train.t[-1] - data.train.t[0]),
+        evidence,
         {key: each if key == "t" else shown(each) for key, each in predictions.items()}
         | {"row_marks": row_marks(recording.joints)},
     )
@@ -275,10 +278,10 @@ def _friction(drives: Drives | None, joints: int, phi: Array, sigma: Array) -> F
     )
 
 
-def _posterior(
+def _evidence(
     problem: Problem, fit: Fit, method: Method, prior: PriorFile | None, offsets: Array
-) -> tuple[SavedPosterior, Array, Array, float]:
-    """Posterior, share of the prior in π, root of φ, and N / N_eff; offsets (N, m, o) move both."""
+) -> tuple[Evidence, float]:
+    """Data and priors about a fit, and N / N_eff; offsets (N, m, o) of sensors move π and φ."""
     lib, samples = problem.lib, problem.train
     if method.is_most_probable:
         (weights, noise), statistics = fit.noise(), fit.statistics or problem.statistics()
@@ -286,22 +289,28 @@ def _posterior(
         weights, statistics, noise = visible_noise(
             lib, samples, fit.pi, fit.phi, problem.statistics
         )
-    level = max(noise.density, float(np.finfo(float).tiny))
-    if problem.friction_prior is not None:
-        known = problem.friction_prior.statistics(statistics, level)
-        statistics = statistics.merged(known)
-    data, eliminated = reduce(statistics, samples.equations)
-    kappa = prior.kappa if prior and prior.kappa else CAD
+    level, known = max(noise.density, float(np.finfo(float).tiny)), problem.friction_prior
     columns = np.concatenate([samples.base_rows(lib), samples.friction_rows()], axis=2)
-    slopes = np.einsum("nmp,m,nmo->po", columns, weights, offsets, optimize=True)
-    spread = laplace(
-        *(lib, statistics, data, level, fit.pi, prior_of(lib, lib.pi0), kappa, slopes),
-        is_most_probable=method.is_most_probable,
+    evidence = Evidence(
+        lib,
+        fit.pi,
+        statistics,
+        None if known is None else known.statistics(statistics, level),
+        level,
+        prior.kappa if prior and prior.kappa else CAD,
+        np.einsum("nmp,m,nmo->po", columns, weights, offsets, optimize=True),
+        method.is_most_probable,
     )
-    information = LogInformation(statistics, level, kappa, lib.pi0)
+    return evidence, noise.inflation
+
+
+def _posterior(evidence: Evidence) -> tuple[SavedPosterior, Array, Array]:
+    """Posterior, share of the prior in π, and root of φ."""
+    lib, (statistics, _, eliminated, spread) = evidence.lib, evidence.after()
+    information = LogInformation(statistics, evidence.level, evidence.kappa, lib.pi0)
     posterior = SavedPosterior(
-        information, fit.pi, spread.root, lib.n_joints, 0, spread.phi_nuisance
+        information, evidence.pi, spread.root, lib.n_joints, 0, spread.phi_nuisance
     )
     root = np.hstack([posterior.phi_over(eliminated), posterior.phi_root(eliminated)])
     root[eliminated.undetermined] = np.nan  # the data do not determine them
-    return posterior, spread.by_kappa.share, root, noise.inflation
+    return posterior, spread.by_kappa.share, root

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from runtime.estimators.classical.pc_ols import BOUNDARY
-from runtime.estimators.convex.entropic_prior import com_sigma
-from runtime.estimators.regression.factor import Statistics
+from runtime.estimators.convex.entropic_prior import com_sigma, prior_of
+from runtime.estimators.regression.factor import Elimination, Reduced, Statistics, reduce
 from runtime.estimators.regression.samples import NORMAL_95
-from runtime.estimators.uncertainty import IDENTIFIED, PRIOR_DOMINATED
+from runtime.estimators.uncertainty import IDENTIFIED, PRIOR_DOMINATED, Spread, laplace
 from runtime.identification.free_base.drives import rms
 from runtime.identification.free_base.rows import (
     Drives,
@@ -46,6 +46,40 @@ DETERMINED = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """Rows that train and priors, about an estimate."""
+
+    lib: Library
+    pi: Array  # the estimate
+    statistics: Statistics  # of the rows over their noise
+    known: Statistics | None  # prior of φ as rows
+    level: float  # S, variance with which the noise enters the unknowns
+    kappa: float
+    slopes: Array  # of constant offsets of sensors of σ
+    is_most_probable: bool
+
+    def after(self, times: float = 1.0) -> tuple[Statistics, Reduced, Elimination, Spread]:
+        """Least squares, without φ, and spread of π after `times` the time of the same motion."""
+        root, data = np.sqrt(times), self.statistics
+        data = replace(
+            data,
+            factor=root * data.factor,
+            target=root * data.target,
+            rest=times * data.rest,
+            n_samples=times * data.n_samples,
+        )
+        if self.known is not None:
+            data = data.merged(self.known)
+        reduced, eliminated = reduce(data, self.lib.n_rows)
+        spread = laplace(
+            *(self.lib, data, reduced, self.level, self.pi, prior_of(self.lib, self.lib.pi0)),
+            *(self.kappa, times * self.slopes),
+            is_most_probable=self.is_most_probable,
+        )
+        return data, reduced, eliminated, spread
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class FreeBaseIdentification:
     """Result of an identification with a free base."""
 
@@ -55,6 +89,8 @@ class FreeBaseIdentification:
     posterior: SavedPosterior  # of π, and of φ of sensors, drives and delay
     rms: Array  # RMS of the right side of the rows whose errors are stated, on the test part, (k,)
     seconds: float  # duration of the test part
+    trained_seconds: float  # that of the training part
+    evidence: Evidence
     # t (N,) [s] and measured, before, after (N, k) of the rows on the test part
     predictions: dict[str, Array]
 

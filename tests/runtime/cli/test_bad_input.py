@@ -157,9 +157,13 @@ OPTIONS: dict[str, tuple[Case, str]] = {
         lambda d: d.identify("good.csv", "--settings", "split=a,b"),
         "needs 2 numbers",
     ),
-    "split of one": (
-        lambda d: d.identify("good.csv", "--settings", "split=0.5"),
+    "split of three": (
+        lambda d: d.identify("good.csv", "--settings", "split=0.5,0.6,0.7"),
         "needs 2 numbers",
+    ),
+    "split beyond the end": (
+        lambda d: d.identify("good.csv", "--settings", "split=1.5"),
+        "0 < A < B < 1",
     ),
     "split backwards": (
         lambda d: d.identify("good.csv", "--settings", "split=0.6,0.5"),

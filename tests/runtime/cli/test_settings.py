@@ -18,7 +18,7 @@ from runtime.excitation.limits.safety import Safety
 from runtime.excitation.search.design_settings import DesignSettings
 from runtime.identification.settings import Settings
 from runtime.library import Library
-from runtime.recording import Preparation, Recording, write_recording
+from runtime.recording import Preparation, Recording, Split, write_recording
 
 COMMANDS = [each for group in GROUPS.values() for each in group]
 
@@ -84,7 +84,7 @@ OF_IDENTIFY = {
     "coulomb_speed": 0.1, "cutoff": 7, "rate": 50, "regressor": "momentum", "delay": 0.01,
     "encoder_bias": True, "symmetric": ["a:b"], "tie": True, "split": [0.5, 0.6],
     "validation": "log.csv", "test": "log.csv", "lam0": [0.1] * 70, "seed": 3, "certify": False,
-    "refit": False, "robust": True, "friction_prior": "prior.toml",
+    "refit": False, "robust": True, "friction_prior": "prior.toml", "rows": "all",
 }  # fmt: skip
 OF_EXCITE = {
     "duration": 7, "harmonics": 3, "starts": 2, "seed": 1, "home": [0.1] * 7, "criterion": "v",
@@ -139,6 +139,13 @@ def test_every_field_of_python_is_reachable_by_the_file(lib: Library, folder: Pa
     design, _, _ = given.designed(lib, safety)
     assert unlike(design, DesignSettings()) == {each.name for each in fields(DesignSettings)}
     assert unlike(safety, Safety()) == {each.name for each in fields(Safety)}
+
+
+def test_one_number_splits_off_the_test(lib: Library, folder: Path) -> None:
+    """Property: B alone is 0.8 B,B, the proportion of the default."""
+    (one, two) = (by_file("identify", {"split": each}).fitted(lib) for each in ([0.5], [0.4, 0.5]))
+    assert one.split == two.split
+    assert by_file("identify", {"split": [0.6]}).fitted(lib).split == Split()
 
 
 def params_of(name: str, *words: str) -> dict[str, Any]:

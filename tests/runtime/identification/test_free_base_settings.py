@@ -8,12 +8,13 @@ import pytest
 
 from runtime.errors import RuntimeFault
 from runtime.estimators.regression.factor import reduce
+from runtime.identification.free_base.expected import expected_of_walk, named_of_walk
 from runtime.identification.identify import identify
 from runtime.identification.statistics_file import read_statistics
 from runtime.library import Library, to_pinocchio_order
 from runtime.recording.free_base import free_base_of
 from runtime.recording.preprocessing.segments import interpolate
-from tests.free_base_logs import HALF, VirtualLog, virtual_log
+from tests.free_base_logs import HALF, Experiment, VirtualLog, virtual_log
 from tests.robots import DATA
 from tests.runtime.conftest import Command
 
@@ -136,6 +137,43 @@ def test_the_command_gives_the_digits_of_python(
         for each in (known.statistics, result.posterior.information.statistics)
     )
     np.testing.assert_allclose(part.T @ part, whole.T @ whole, rtol=1e-6, atol=1e-6)
+
+
+def test_more_of_the_same_walk(hopper: Library, tmp_path: Path, command: Command) -> None:
+    """Oracle: σ that is predicted from a half is that of identify with the whole log."""
+    log = virtual_log(HOPPER, ("left_foot", "right_thigh"), 5, Experiment(count=2400, rate_hz=50.0))
+    rng = np.random.default_rng(1)
+    whole = dict(log.arrays)
+    for key, sigma in {"tau": 0.3, "contact_wrench": 3.0}.items():
+        whole[key] = whole[key] + sigma * rng.normal(size=whole[key].shape)
+    half = {key: value[:1200] if len(value) == 2400 else value for key, value in whole.items()}
+    short, long = (identify(free_base_of(each, "log"), hopper) for each in (half, whole))
+    seconds = long.trained_seconds - short.trained_seconds
+    now, later, reached = (
+        expected_of_walk(short),
+        expected_of_walk(short, seconds),
+        expected_of_walk(long),
+    )
+    for each in (now, later, reached):
+        assert each.base is not None
+    # Sines of the first half and of the whole excite alike: information differs by some 10 %.
+    assert np.median(np.abs(later.base / reached.base - 1)) < 0.1
+    assert later.base == pytest.approx(now.base * np.sqrt(0.5), rel=0.01)
+    total = named_of_walk(short, now)["total mass"]
+    assert total == pytest.approx(short.record.total_mass.sigma, rel=1e-9)
+    path = tmp_path / "walk.npz"
+    np.savez(path, **half)  # type: ignore[arg-type]
+    words = ("predict", path, "--robot", hopper.folder, "--more", "same")
+    done = command(*words, "--json")
+    assert done.code == 0, done.err
+    facts = json.loads(done.out)
+    assert facts["total mass"] == pytest.approx(total, rel=1e-9)
+    assert [step["seconds"] for step in facts["more"]] == [10.0, 30.0, 60.0]
+    done = command(*words)
+    assert "total mass to ±" in done.out
+    for wrong in (("--noise", "3"), ("--more", "other.npz")):
+        done = command(*words[:4], *wrong)
+        assert (done.code, "free base; leave it out" in done.err) == (2, True), done.err
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from runtime.identification.free_base.result import FreeBaseIdentification
 from runtime.identification.free_base.rows import CROSSTALK, DELAY
 from runtime.identification.result_record import ResultRecord
 from runtime.library.parameters import PI_NAMES
+from runtime.recording.recipes.recipe import COMMANDED
 
 
 def print_walk(result: FreeBaseIdentification) -> Iterator[str]:
@@ -61,8 +62,9 @@ def _sentences(record: ResultRecord) -> Iterator[str]:
         for joint, values, spread in zip(record.joints, friction.values, sigmas, strict=True):
             for column, each, error in zip(friction.columns, values, spread, strict=True):
                 yield f"drives: {column}{OF}{joint} {_with_sigma(each, error)}"
+    late = DELAY if record.torque_source == COMMANDED else "delay of the torque"
     for delay in record.delays:
-        yield f"drives: {DELAY} {_with_sigma(delay.value, delay.sigma)}"
+        yield f"drives: {late} {_with_sigma(delay.value, delay.sigma)}"
     yield from _of_links(record)
     for note in record.warnings:
         yield f"note: {note}"

@@ -179,7 +179,8 @@ def fit_wls(problem: Problem) -> Fit:
     rests = (residual(problem.lib, piece, solution) for piece in problem.samples("train"))
     weights, silent = weights_of(variance_of(rests), problem.lib)
     sigma = ", ".join(f"{1 / np.sqrt(w):.3g}" for w in weights)
-    notes = [f"standard deviations of the residuals, joint by joint: {sigma}"]
+    each = "joint" if len(weights) == problem.lib.n_joints else "equation"
+    notes = [f"standard deviations of the residuals, {each} by {each}: {sigma}"]
     if silent:
         notes.append(
             f"the residual of {silent} is zero to rounding, so its weight was limited; "

@@ -75,7 +75,7 @@ def fleet_command(given: FleetSettings) -> None:
     beside = given.out.with_suffix(".npz")
     require_unused([given.out, beside, settings_place(given.out)], given.overwrite)
     files = statistics_files(given.folder)
-    lib = open_robot(given.robot or read_statistics(files[0]).robot, given.yes)
+    lib = open_robot(given.robot or read_statistics(files[0]).robot, given.yes, True)
     parts = given.out.with_name(f"{given.out.name}.parts")
     with counting() as progress:
         task = progress.add_task("statistics", total=len(files))

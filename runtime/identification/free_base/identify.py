@@ -42,6 +42,7 @@ from runtime.identification.free_base.result import (
 )
 from runtime.identification.free_base.rows import Drives, sensor_errors
 from runtime.identification.posterior_file import SavedPosterior
+from runtime.identification.problem_setup import known_friction
 from runtime.identification.result_file import provenance_of
 from runtime.identification.result_record import (
     FORMAT,
@@ -91,8 +92,8 @@ def identify_free_base(
     fit = fitted(problem)
     if settings.tie and drives is not None and drives.terms.columns:
         phi = fit.phi[0, places].reshape(lib.n_joints, -1)
-        tied, note = tied_prior(lib.joint_names, pairs, drives.terms.columns, phi, None)
-        problem = replace(problem, friction_prior=_beside_sensors(tied, problem, places))
+        tied, note = tied_prior(lib.joint_names, pairs, drives.terms.columns, phi, task.known)
+        problem = _with_known(problem, tied, places)
         fit, notes = fitted(problem), [note, *notes]
     evidence, inflation = _evidence(problem, fit, method, prior, task.offsets)
     posterior, shares, root = _posterior(evidence)
@@ -189,6 +190,7 @@ class _Task:
     of_drives: slice  # places of the friction coefficients, joint by joint, behind them
     offsets: Array  # (N, m, o), see `FreeBaseRows`, weighted like the rows
     noise: RowNoise | None
+    known: FrictionPrior | None  # of friction, (n, k)
     notes: tuple[str, ...]
 
 
@@ -203,7 +205,7 @@ def _task(lib: Library, data: PreparedWalk, settings: Settings, method: str) -> 
         sigma[0, :size] = list(sensors.values())
         sensed = FrictionPrior(np.zeros_like(sigma), sigma)
     columns = tuple(f"error{OF}{name}" for name in sensors)
-    weights, count = np.ones(len(fitted)), 0
+    weights, count, known = np.ones(len(fitted)), 0, None
     if drives is None:
         seconds = float(data.train.t[-1] - data.train.t[0])
         noise = noise_of(lib, trained, sensed, cutoff_of(settings.cutoff), seconds)
@@ -212,23 +214,29 @@ def _task(lib: Library, data: PreparedWalk, settings: Settings, method: str) -> 
             weights = noise.weights
             fitted = fitted.weighted(weights)
     else:
-        count = lib.n_joints * len(drives.terms.columns)
+        terms = drives.terms
+        count = lib.n_joints * len(terms.columns)
+        if count:
+            known = known_friction(lib, settings, terms.columns, terms)
         columns, floor = (*columns, *drives.names(lib.joint_names)), unit_noise(fitted)
+    places = slice(size, size + count)
     problem = problem_of(lib, fitted, data.tested.samples, columns, floor, sensed)
+    if known is not None:
+        problem = _with_known(problem, known, places)
     if settings.robust:
         problem, robust = robust_problem(problem, method)
         weights = weights * robust.weights
         notes = (robust.note(data.train.t, trained.equations),)
     offsets = trained.offsets * np.sqrt(weights)[:, None, None]
-    return _Task(problem, sensors, slice(size, size + count), offsets, noise, notes)
+    return _Task(problem, sensors, places, offsets, noise, known, notes)
 
 
-def _beside_sensors(tied: FrictionPrior, problem: Problem, of_drives: slice) -> FrictionPrior:
-    """Prior of all coefficients, (1, K), by that of friction (n, k) and that of the sensors."""
+def _with_known(problem: Problem, known: FrictionPrior, of_drives: slice) -> Problem:
+    """The problem with a prior of friction (n, k) beside that of the sensors."""
     mean, sigma = np.zeros(problem.train.shape), np.full(problem.train.shape, np.inf)
-    mean[0, of_drives], sigma[0, of_drives] = tied.mean.ravel(), tied.sigma.ravel()
+    mean[0, of_drives], sigma[0, of_drives] = known.mean.ravel(), known.sigma.ravel()
     prior, sensed = FrictionPrior(mean, sigma), problem.friction_prior
-    return prior if sensed is None else prior.over(sensed)
+    return replace(problem, friction_prior=prior if sensed is None else prior.over(sensed))
 
 
 def _delay(drives: Drives | None, fit: Fit, deviations: Array) -> Delay | None:
@@ -298,6 +306,7 @@ def _evidence(
         None if known is None else known.statistics(statistics, level),
         level,
         prior.kappa if prior and prior.kappa else CAD,
+        None if prior is None else prior.centre,
         np.einsum("nmp,m,nmo->po", columns, weights, offsets, optimize=True),
         method.is_most_probable,
     )
@@ -307,7 +316,7 @@ def _evidence(
 def _posterior(evidence: Evidence) -> tuple[SavedPosterior, Array, Array]:
     """Posterior, share of the prior in π, and root of φ."""
     lib, (statistics, _, eliminated, spread) = evidence.lib, evidence.after()
-    information = LogInformation(statistics, evidence.level, evidence.kappa, lib.pi0)
+    information = LogInformation(statistics, evidence.level, evidence.kappa, evidence.prior.centre)
     posterior = SavedPosterior(
         information, evidence.pi, spread.root, lib.n_joints, 0, spread.phi_nuisance
     )

@@ -43,16 +43,19 @@ _FAR = 3.0
 """Distance of a sensor's error from 0 in its standard deviations from which a note states it."""
 
 
-def require_prior_of_bodies(prior: PriorFile | None) -> None:
-    """Refuse entries of a prior that describe friction, rotors or noise of joints."""
+def require_prior_of_rows(prior: PriorFile | None, has_drives: bool) -> None:
+    """Refuse entries of a prior that the equations of a log do not contain."""
     if prior is None:
         return
-    tables = {"armature": prior.armature, "friction": prior.friction, "noise": prior.noise}
+    tables: dict[str, object] = {"noise": prior.noise}
+    if not has_drives:
+        tables |= {"armature": prior.armature, "friction": prior.friction}
     stated = [f"[{key}]" for key, value in tables.items() if value is not None]
     if stated:
         raise IdentificationError(
-            f"the prior states {', '.join(stated)}, and the equations of a free base have bodies "
-            "only; remove this table from the prior"
+            f"the prior states {', '.join(stated)}, and the equations of this log of a free base "
+            "do not contain it; remove this table from the prior"
+            + ("" if prior.noise is not None else ", or estimate friction with --friction")
         )
 
 

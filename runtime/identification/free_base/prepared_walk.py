@@ -19,7 +19,7 @@ from runtime.identification.free_base.plausibility import (
     require_contact_conventions,
     require_forces_on_robot,
     require_joint_units,
-    require_prior_of_bodies,
+    require_prior_of_rows,
     require_torque_sign,
 )
 from runtime.identification.free_base.rows import (
@@ -40,7 +40,7 @@ ROWS_PER_PERIOD = 5.0
 """Rows per period of the cut-off of a log with drives."""
 NOT_TAKEN = (
     *("preparation", "rate", "regressor", "encoder_bias", "validation", "test", "lam0"),
-    *("inputs", "certify", "friction_prior", "gain_sigma"),
+    *("inputs", "certify", "gain_sigma"),
 )
 """Fields of `Settings` without a meaning for the rows of a free base."""
 
@@ -90,7 +90,6 @@ def prepared_walk(
     recording: FreeBaseRecording, lib: Library, settings: Settings, trim_s: float
 ) -> PreparedWalk:
     """Equations of a log that agree with the robot."""
-    require_prior_of_bodies(settings.prior)
     require_clock(recording)
     share = (settings.split or Split()).joined()[1]
     if not 0.1 <= share <= 0.95:
@@ -102,9 +101,13 @@ def prepared_walk(
     if recording.is_commanded:
         recording, notes = with_contact_states(recording, lib)
     terms = friction_of(recording.joints, settings)
+    if terms is None and settings.prior is not None:
+        terms = settings.prior.friction_model
     if terms is None:
         terms = Friction(COLUMNS if recording.is_commanded else ())
-    if recording.is_commanded or terms.columns or settings.delay is not None:
+    has_drives = recording.is_commanded or bool(terms.columns) or settings.delay is not None
+    require_prior_of_rows(settings.prior, has_drives)
+    if has_drives:
         if recording.tau is None or (rows == "base" and not recording.is_commanded):
             raise IdentificationError(
                 "friction and delay belong to the torques of joints, which the rows of the base do "

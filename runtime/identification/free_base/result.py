@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from runtime.estimators.classical.pc_ols import BOUNDARY
-from runtime.estimators.convex.entropic_prior import com_sigma, prior_of
+from runtime.estimators.convex.entropic_prior import Prior, com_sigma
+from runtime.estimators.prior_file import prior_about
 from runtime.estimators.regression.factor import Elimination, Reduced, Statistics, reduce
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.estimators.uncertainty import IDENTIFIED, PRIOR_DOMINATED, Spread, laplace
@@ -54,9 +55,15 @@ class Evidence:
     statistics: Statistics  # of the rows over their noise
     known: Statistics | None  # prior of φ as rows
     level: float  # S, variance with which the noise enters the unknowns
-    kappa: float
+    kappa: float  # trust in the centre of the prior
+    centre: Array | None  # π0 of a type of robot; None for that of the URDF
     slopes: Array  # of constant offsets of sensors of σ
     is_most_probable: bool
+
+    @property
+    def prior(self) -> Prior:
+        """Entropic prior of the bodies."""
+        return prior_about(self.lib, self.lib.pi0, self.centre)
 
     def after(self, times: float = 1.0) -> tuple[Statistics, Reduced, Elimination, Spread]:
         """Least squares, without φ, and spread of π after `times` the time of the same motion."""
@@ -72,9 +79,10 @@ class Evidence:
             data = data.merged(self.known)
         reduced, eliminated = reduce(data, self.lib.n_rows)
         spread = laplace(
-            *(self.lib, data, reduced, self.level, self.pi, prior_of(self.lib, self.lib.pi0)),
-            *(self.kappa, times * self.slopes),
+            *(self.lib, data, reduced, self.level, self.pi, self.prior, self.kappa),
+            times * self.slopes,
             is_most_probable=self.is_most_probable,
+            is_of_type=self.centre is not None,
         )
         return data, reduced, eliminated, spread
 

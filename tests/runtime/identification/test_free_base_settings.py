@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from runtime.errors import RuntimeFault
+from runtime.estimators.prior_file import read_prior
 from runtime.estimators.regression.factor import reduce
 from runtime.identification.free_base.expected import expected_of_walk, named_of_walk
 from runtime.identification.identify import identify
@@ -174,6 +175,39 @@ def test_more_of_the_same_walk(hopper: Library, tmp_path: Path, command: Command
     for wrong in (("--noise", "3"), ("--more", "other.npz")):
         done = command(*words[:4], *wrong)
         assert (done.code, "free base; leave it out" in done.err) == (2, True), done.err
+
+
+def test_a_fleet_of_walking_robots(hopper: Library, tmp_path: Path, command: Command) -> None:
+    """Property: units give the prior of their type, which a short walk takes."""
+
+    def walk_of(unit: int, wear: float, noise: float) -> Arrays:
+        walk = virtual_log(HOPPER, ("left_foot", "right_thigh"), unit).arrays
+        errors = noise * np.random.default_rng(unit).normal(size=walk["tau"].shape)
+        return walk | {"tau": walk["tau"] + wear * VISCOUS * walk["dq"] + errors}
+
+    for unit in range(3):
+        path, out = tmp_path / f"u{unit}.npz", tmp_path / "units" / f"u{unit}"
+        np.savez(path, **walk_of(unit, 1 + 0.1 * unit, 0.02))  # type: ignore[arg-type]
+        words = ("--robot", hopper.folder, "--friction", "viscous", "--settings", "report=false")
+        done = command("identify", path, *words, "--settings", "save_statistics=true", "--out", out)
+        assert done.code == 0, done.err
+    done = command("fleet", tmp_path / "units", "--robot", hopper.folder, "--out", "type.toml")
+    assert done.code == 0, done.err
+    prior = read_prior(tmp_path / "type.toml", hopper)
+    assert prior.friction is not None
+    np.testing.assert_allclose(
+        prior.friction.mean[:, 0], 1.1 * VISCOUS, rtol=0.1
+    )  # σ of a unit: 2 to 6 %
+    # A quarter of a second hardly shows friction, which is that of the type then.
+    whole = walk_of(3, 1.1, 0.5)
+    few = {key: x[:40] if len(x) == len(whole["t"]) else x for key, x in whole.items()}
+    record = identify(free_base_of(few, "log"), hopper, rows="all", prior=prior).record
+    assert record.friction.columns == ("viscous",)
+    alone = identify(free_base_of(few, "log"), hopper, rows="all", friction="viscous").record
+    away = [np.abs(np.array(r.friction.values)[:, 0] / (1.1 * VISCOUS) - 1).max()
+            for r in (record, alone)]  # fmt: skip
+    assert away[0] < 0.3 * away[1]
+    assert any("the inertial prior is that of 3 units of the fleet" in n for n in record.warnings)
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@
 repository. Tests that need it are skipped with a reason where it is absent.
 """
 
+import functools
 import gc
 import importlib
 import os
@@ -15,9 +16,12 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 from markupsafe import Markup
+from threadpoolctl import ThreadpoolController
 
+from runtime.common import commands, threads
 from runtime.common.user_builds import records_folder
 from runtime.library import Library, load
+from runtime.recording.preprocessing import filters
 from symgen.chain import ChainOptions
 from symgen.make.pipeline import build, is_current
 from symgen.make.request import BuildRequest, bundled_request
@@ -98,9 +102,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Modules and tests stay to the end: the collector of cycles need not pass over them again."""
+    """Modules and tests stay to the end: the collector of cycles need not pass over them again.
+
+    It passes seldom, since jax and hypothesis have functions that are called at every pass.
+    """
     gc.collect()
     gc.freeze()
+    gc.set_threshold(20_000, 50, 50)
     gc.enable()
 
 
@@ -136,6 +144,21 @@ def _no_wait_for_the_disk() -> Iterator[None]:
     """No test pulls the plug: the order of writing is tested, not the disk behind it."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, "fsync", lambda _: None)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _made_once() -> Iterator[None]:
+    """What a user's process makes once and this one would make thousands of times, 5 to 20 ms each.
+
+    These are the parsers of commands, designs of filters, and the search for BLAS libraries, whose
+    limit `tests/test_architecture.py` examines in a process of its own.
+    """
+    design, blas = functools.cache(filters.butterworth_sections), ThreadpoolController()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(commands, "imported", functools.cache(commands.imported))
+        patch.setattr(filters, "butterworth_sections", lambda *given: design(*given).copy())
+        patch.setattr(threads, "threadpool_limits", blas.limit)
         yield
 
 

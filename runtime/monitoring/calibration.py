@@ -29,7 +29,7 @@ from runtime.monitoring.model import MonitoredModel
 from runtime.monitoring.observation import Detector, both_torques, observe, signals_of, usual_torque
 from runtime.monitoring.observer import PAUSE_S, RELEASE
 from runtime.recording import Recording
-from runtime.recording.friction.model import motion_of
+from runtime.recording.friction.model import LARGE_DAY, motion_of
 
 PEAKS = 100
 """Largest number k of peaks per joint to which a tail is fitted: with more, the body of the
@@ -52,9 +52,8 @@ _SHAPES = np.arange(-0.495, 0.5, 0.03)
 _LOG_SCALES = np.linspace(-1.2, 0.8, 101)
 """Grid of the posterior: ξ, and ln c relative to the mean excess."""
 _DRAWS = 2000
-FRICTION_DAY, DAY_S = 0.07, 20.0
-"""Relative change of the friction of a healthy arm between days, 3 to 7 % on a UR5, and the time in
-which all of it is drawn anew [s]: half an hour of one day has 90 other days."""
+DAY_S = 20.0
+"""Time in which all friction is drawn anew [s]: half an hour of one day has 90 other days."""
 HIGH = 0.9
 """Quantile of s above which peaks are looked for."""
 
@@ -231,7 +230,7 @@ def on_other_days(
         parts = model.session_features(lib, log.q, log.required("dq"), signals)[:, :, 1:]
         place = (log.t - log.t[0]) / DAY_S
         first = place.astype(int)
-        draws = FRICTION_DAY * rng.normal(size=(first[-1] + 2, *parts.shape[1:]))
+        draws = LARGE_DAY * rng.normal(size=(first[-1] + 2, *parts.shape[1:]))
         angle = (np.pi / 2 * (place - first))[:, None, None]
         factors = np.cos(angle) * draws[first] + np.sin(angle) * draws[first + 1]
         changed.append(log.replace(tau=log.required("tau") + np.sum(parts * factors, axis=2)))

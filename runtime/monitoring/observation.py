@@ -56,7 +56,7 @@ from runtime.monitoring.observer import (
     windows,
 )
 from runtime.recording import Preparation, Recording
-from runtime.recording.friction.model import motion_of
+from runtime.recording.friction.model import DAY, LARGE_DAY, motion_of
 from runtime.recording.preprocessing.pipeline import on_grid
 from runtime.recording.preprocessing.segments import differentiate
 from runtime.recording.rest_speeds import rest_speeds
@@ -65,7 +65,7 @@ BLOCK_S = 0.1
 """Length of a block [s]."""
 BIAS_S = 5.0
 """Time in which a bias is followed [s]."""
-VISCOUS, DRY = 0.07, 0.05
+VISCOUS, DRY = LARGE_DAY, DAY
 """Relative standard deviation of viscous and dry friction between days of a healthy robot."""
 WARMTH_S = 600.0
 """Time in which friction drifts by as much [s]."""

@@ -64,7 +64,8 @@ USUAL = {
     "shape": USUAL_SIZE,
 }
 """Usual change of a robot between two days, without logs of reference: s; relative; relative to the
-range of the joint; relative. Usual change of bias and friction during a log. Errors of the model,
+range of the joint; relative, √2 times that of one day (`recording.friction.model`). Usual change
+of bias and friction during a log. Errors of the model,
 and what its misfit adds in the postures of one log, in σ of its posterior; torque of other shapes,
 relative to the range of the joint."""
 PLAUSIBLE = {

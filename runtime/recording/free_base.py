@@ -23,7 +23,8 @@ An NPZ with one row per instant, SI units:
     contact_kind "surface" or "point", whose moment is zero
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 
@@ -35,6 +36,7 @@ from runtime.common.files import bytes_of
 from runtime.errors import RecordingError
 from runtime.library import Array, Mask
 from runtime.library.free_base import ROTATION
+from runtime.recording.formats.log_format import Digests
 from runtime.recording.formats.npz import open_npz
 from runtime.recording.recording import Recording
 
@@ -84,11 +86,12 @@ class FreeBaseRecording:
     acceleration: Array | None = None
     unread: tuple[str, ...] = ()  # names of arrays of the file that are not part of the layout
     is_commanded: bool = False  # whether tau is what a control law commanded
+    source: Mapping[str, str] = field(default_factory=dict)  # file name → sha256 of its bytes
 
     @property
     def joints(self) -> Recording:
         """The joints alone."""
-        return Recording(self.t, self.q, tau=self.tau, name=self.name)
+        return Recording(self.t, self.q, tau=self.tau, name=self.name, source=self.source)
 
 
 _KEYS = (
@@ -196,7 +199,9 @@ def read_free_base(path: str | PathLike[str]) -> FreeBaseRecording:
         arrays = open_npz(data, path.name)
     except (OSError, ValueError) as error:
         raise RecordingError(f"cannot read '{path}': {error}") from None
-    return free_base_of(arrays, path.name)
+    digests = Digests()
+    digests.of_bytes(path.name, data)
+    return replace(free_base_of(arrays, path.name), source=digests)
 
 
 def free_base_of(arrays: dict[str, NDArray], name: str) -> FreeBaseRecording:

@@ -136,7 +136,7 @@ def levenberg_descend(descent: Descent, options: LevenbergOptions) -> Outcome:
     return Outcome(x, validated, job.step, status, trace_of(trace))
 
 
-def newton_descend(descent: Descent, start: Outcome, most_steps: int = NEWTON_STEPS) -> Outcome:
+def newton_descend(descent: Descent, start: Outcome) -> Outcome:
     """Go on from the end of another descent by Newton's method."""
     objective, x = _Loss(descent), start.x
     loss, status, step = objective.value(x), Status.MAX_ITERATIONS, 0
@@ -144,7 +144,7 @@ def newton_descend(descent: Descent, start: Outcome, most_steps: int = NEWTON_ST
         zip(start.trace.iteration, start.trace.training, start.trace.validation, strict=True)
     )
     try:
-        while step < most_steps:
+        while step < NEWTON_STEPS:
             move, predicted = _step(*objective.slope(x))
             if predicted <= DECREASE * loss:
                 status = Status.CONVERGED

@@ -73,11 +73,7 @@ def descend(descent: Descent, preset: Preset) -> Outcome:
 
 
 def descend_many(
-    descents: Sequence[Descent],
-    preset: Preset,
-    threads: int = 1,
-    progress: Callable[[int], None] | None = None,
-    watch: Watch | None = None,
+    descents: Sequence[Descent], preset: Preset, threads: int = 1, watch: Watch | None = None
 ) -> list[Outcome]:
     """Descend by Adam on many problems of one robot, on threads, each as by `descend`."""
     lib, rule, batch = descents[0].problem.lib, preset.rule, preset.batch
@@ -114,8 +110,6 @@ def descend_many(
                 watch.seen(done, [jobs.x(k) for k in range(len(jobs))])
             if len(jobs) == 1 and descents[0].problem.progress is not None:
                 descents[0].problem.progress(jobs[0].step, jobs[0].best)
-            if progress is not None:
-                progress(sum(job.finished != 0 for job in jobs))
     except KeyboardInterrupt:
         interrupted = True
     # Ctrl-C in the piece that ends the last descent would otherwise be lost.
@@ -231,7 +225,6 @@ def fit_many(
     problems: Sequence[Problem],
     preset: Preset,
     threads: int | None = None,
-    progress: Callable[[int], None] | None = None,
     watch: Watch | None = None,
 ) -> list[Fit]:
     """`fit_adam` on many problems of one robot at once: multi-start, Monte Carlo.
@@ -240,7 +233,6 @@ def fit_many(
         problems: problems of the same robot.
         preset: settings of all descents.
         threads: of the compiled loop; by default one per core.
-        progress: called with the iterations done.
         watch: observer of all descents.
 
     Returns:
@@ -253,7 +245,7 @@ def fit_many(
         return [fit_adam(problem, preset) for problem in problems]
     with ThreadPoolExecutor(count) as pool:
         descents = list(pool.map(start_of, problems))
-    outcomes = descend_many(descents, preset, count, progress, watch)
+    outcomes = descend_many(descents, preset, count, watch)
     return [fit_of(d, o) for d, o in zip(descents, outcomes, strict=True)]
 
 

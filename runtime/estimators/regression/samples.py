@@ -222,14 +222,14 @@ def weights_from(sigma: Array, tau: Array) -> Array:
     return 1 / np.maximum(sigma, SILENT * max(largest, 1e-300)) ** 2
 
 
-def autocorrelation(rest: Array, lags: int = LAGS) -> Array:
-    """Autocorrelation ρ_l of the residuals of each joint: rest (N, n) → (lags, n)."""
-    out = np.zeros((lags, rest.shape[1]))
+def autocorrelation(rest: Array) -> Array:
+    """Autocorrelation ρ_l of the residuals of each joint: rest (N, n) → (LAGS, n)."""
+    out = np.zeros((LAGS, rest.shape[1]))
     for j, row in enumerate(np.ascontiguousarray(rest.T)):
         centred = row - row.mean()
         power = centred @ centred
         if power > 0:
-            out[:, j] = [centred[k:] @ centred[:-k] / power for k in range(1, lags + 1)]
+            out[:, j] = [centred[k:] @ centred[:-k] / power for k in range(1, LAGS + 1)]
     return out
 
 

@@ -152,7 +152,7 @@ def identify_free_base(
         pi=plain(fit.pi),
         lam=plain(lib.lam_from_pi(fit.pi)) if is_consistent else None,
         beta=plain(lib.base_matrix @ fit.pi),
-        provenance=provenance_of(lib, "", {}, None),
+        provenance=provenance_of(lib, "", dict(recording.source), None),
         rows=data.rows,
         error_rows=names,
         error_units=tuple(of_rows.get(name, "") for name in names),

@@ -48,6 +48,7 @@ from runtime.identification.saved_result import read_result, require_model
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction, Recording
+from runtime.recording.friction.model import DAY
 
 LEAST_TRAVEL = 0.02
 """Smallest travel that the distance is related to, rad or m."""
@@ -66,9 +67,6 @@ COUNTED = 6.0
 """The same of the mass from which intervals contain it. In 200 runs of an FR3 with white noise and
 noise below 10, 3, 1 and 0.3 Hz it is exceeded in 5; a load of 105 g on a PSM has 7.5 to 19 at 1 to
 2 Hz, and 18 to 99 above."""
-FRICTION_DAY = 0.05
-"""Usual relative change of a friction coefficient of a healthy arm from day to day: those of a UR5
-differ by 3 to 7 %."""
 _BLOCK = 4096
 _RANK = 1e-10
 """Eigenvalue relative to the largest below which an error of the arm has no effect on torques."""
@@ -120,7 +118,7 @@ def read_arm_model(path: Path, lib: Library) -> ArmModel:
 def _root(posterior: SavedPosterior, lib: Library, phi: Array) -> Array:
     """Root of the covariance of [β; φ] on another day, (n_b + n k, m)."""
     root = posterior.of_readings().root(lib)
-    day = np.diag(FRICTION_DAY * phi.ravel())
+    day = np.diag(DAY * phi.ravel())
     return np.hstack([root, np.vstack([np.zeros((len(root) - len(day), len(day))), day])])
 
 

@@ -90,7 +90,7 @@ class FleetFit:
     covariance: Array  # of β of each unit, (U, n_b, n_b)
 
 
-def fit_fleet(lib: Library, units: Sequence[Unit], kappa_0: float = CAD) -> FleetFit:
+def fit_fleet(lib: Library, units: Sequence[Unit]) -> FleetFit:
     """Centre, spread and units of a fleet."""
     if len(units) < LEAST_UNITS:
         raise IdentificationError(
@@ -105,7 +105,7 @@ def fit_fleet(lib: Library, units: Sequence[Unit], kappa_0: float = CAD) -> Flee
         view = _View(lib, urdf, A, b, centre)
         # The first κ is that of the median unit, which outliers hardly move.
         kappa, interval = (view.median(), interval) if k == 0 else view.likeliest(counted)
-        centre = view.centre(counted, kappa, kappa_0)
+        centre = view.centre(counted, kappa)
         before = counted
         view = _View(lib, urdf, A, b, centre)
         counted = view.p_value(kappa) >= ALPHA
@@ -113,7 +113,7 @@ def fit_fleet(lib: Library, units: Sequence[Unit], kappa_0: float = CAD) -> Flee
             counted = np.argsort(view.statistic(kappa)).argsort() < LEAST_UNITS
         if k > 1 and (counted == before).all():
             break
-    pi, centre = alternate(lib, urdf, (A, b), counted, (kappa, kappa_0), centre)
+    pi, centre = alternate(lib, urdf, (A, b), counted, kappa, centre)
     view = _View(lib, urdf, A, b, centre)
     p_value, T = view.p_value(kappa), view.statistic(kappa)
     out = p_value < ALPHA
@@ -125,7 +125,7 @@ def fit_fleet(lib: Library, units: Sequence[Unit], kappa_0: float = CAD) -> Flee
         weights[links[u]] /= WIDER**2
         data = Reduced(np.ascontiguousarray(A[u] @ lib.base_matrix), b[u], 0.0, 1.0, 1.0)
         pi[u] = solve(lib, convex_problem(data, prior_from(urdf.bodies, centre), weights)).pi
-    trust = view.trust(counted, kappa, kappa_0)
+    trust = view.trust(counted, kappa)
     return FleetFit(
         centre, kappa, interval, trust, pi, T, p_value, out, links, view.covariance(kappa)
     )
@@ -191,14 +191,14 @@ class _View:
         rows = np.swapaxes(self.vectors[counted], 1, 2) @ whole / width
         return np.asarray(np.linalg.qr(rows.reshape(-1, rows.shape[2]), mode="r"))
 
-    def centre(self, counted: Mask, kappa: float, kappa_0: float) -> Array:
+    def centre(self, counted: Mask, kappa: float) -> Array:
         """Most probable centre of the type, (10 n,): the normal law of all units with the URDF."""
         rows = self._rows(counted, kappa)
         factor = np.ascontiguousarray(rows[:, :-1] @ self.lib.base_matrix)
         data = Reduced(factor, np.ascontiguousarray(rows[:, -1]), 0.0, 1.0, 1.0)
-        return solve(self.lib, convex_problem(data, self.urdf, kappa_0)).pi
+        return solve(self.lib, convex_problem(data, self.urdf, CAD)).pi
 
-    def trust(self, counted: Mask, kappa: float, kappa_0: float) -> float:
+    def trust(self, counted: Mask, kappa: float) -> float:
         """κ of a new unit: the mean of 1/(1/κ + e) over directions of β, e the error of P0 there.
 
         Directions that no unit excites keep the error of the URDF; the mean of the precisions
@@ -206,7 +206,7 @@ class _View:
         """
         rows = self._rows(counted, kappa)[:, :-1]
         around = self.urdf.bodies.spread(self.urdf.centre)
-        H = self.lib.base_matrix @ block_diag(*around) / np.sqrt(kappa_0)
+        H = self.lib.base_matrix @ block_diag(*around) / np.sqrt(CAD)
         root = posterior_of(rows, prior=H).root
         # Share of every base direction of the prior's unit covariance H Hᵀ.
         scaled = np.linalg.svd(np.linalg.lstsq(self.H, root, rcond=None)[0], compute_uv=False)
@@ -247,15 +247,10 @@ class _View:
 
 
 def alternate(
-    lib: Library,
-    urdf: Prior,
-    data: tuple[Array, Array],
-    counted: Mask,
-    kappas: tuple[float, float],
-    centre: Array,
+    lib: Library, urdf: Prior, data: tuple[Array, Array], counted: Mask, kappa: float, centre: Array
 ) -> tuple[Array, Array]:
     """Alternate each unit's maximum a posteriori with the centre of the counted units."""
-    bodies, (kappa, kappa_0) = urdf.bodies, kappas
+    bodies = urdf.bodies
     of_urdf = bodies.pseudo_inertia(urdf.centre)
     factors = [np.ascontiguousarray(A @ lib.base_matrix) for A in data[0]]
     starts: list[Array | None] = [None] * len(factors)
@@ -269,7 +264,7 @@ def alternate(
         pi = np.stack([minimum.pi for minimum in minima])
         starts = list(pi)
         pseudo = bodies.pseudo_inertia(pi[counted]).reshape(int(counted.sum()), -1, 4, 4)
-        moved = bodies.pi_of(centre_of(pseudo, of_urdf, kappa, kappa_0)).ravel()
+        moved = bodies.pi_of(centre_of(pseudo, of_urdf, kappa, CAD)).ravel()
         step, centre = _step(bodies.spread(centre), moved - centre), moved
         if step * np.sqrt(kappa) < STILL:
             break

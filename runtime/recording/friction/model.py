@@ -28,6 +28,9 @@ from runtime.recording.settings import COLUMNS, Friction, JointMotion, signals_f
 
 DRIVE = ("viscous", "coulomb", "offset", "rotor")
 """Names of the columns of one drive."""
+DAY, LARGE_DAY = 0.05, 0.07
+"""Relative change of the friction of a healthy arm between days, in the mean and at most: 3 to 7 %
+on a UR5."""
 
 
 def default_terms(recording: Recording) -> Friction | None:

@@ -1,5 +1,6 @@
 """Watch of a robot with a free base, on logs that Pinocchio computed."""
 
+import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -121,9 +122,12 @@ def test_command(hopper: Library, watched: Watched, command: Command, tmp_path: 
     words = ("--robot", hopper.folder, "--json")
     same = command("watch", watched.folder, "first.npz", *words)
     assert (same.code, json.loads(same.out)["p_value"]) == (0, 1.0)
-    ran = command("watch", watched.folder, "pack.npz", *words)
+    ran = command("watch", watched.folder, "pack.npz", *words, "--history", "history.jsonl")
     assert ran.code == 1
     assert json.loads(ran.out)["group"] == "payload"
+    (entry,) = map(json.loads, (tmp_path / "history.jsonl").read_text().splitlines())
+    digest = hashlib.sha256((tmp_path / "pack.npz").read_bytes()).hexdigest()
+    assert entry["log_sha256"] == {"pack.npz": digest}
     refused = command("watch", watched.folder, "pack.npz", *words[:2], "--recipe", "fr3")
     assert refused.code == 2
     assert "--recipe does not apply to a log of a free base" in refused.err

@@ -35,6 +35,8 @@ def case(folder: Path, mass: float = 2.5, small: float = 0.0, out: str = "mass: 
     (folder / "one.json").write_text(json.dumps([run]))
     facts = {"links": [{"mass": mass, "name": "a"}], "seconds": mass, "gap": None}
     (place / "result.json").write_text(json.dumps(facts))
+    cells = "</td><td>".join(("map", "0.18 %", "0.251 %", "–", f"{mass}", "6"))
+    (place / "page.html").write_text(f'<tr data-m="map"><td>{cells}</td></tr>', encoding="utf-8")
     np.savez(place / "arrays.npz", pi=np.array([1.0, 1e-5 * mass, small]))
     return folder
 

@@ -64,10 +64,9 @@ USUAL = {
     "shape": USUAL_SIZE,
 }
 """Usual change of a robot between two days, without logs of reference: s; relative; relative to the
-range of the joint; relative, √2 times that of one day (`recording.friction.model`). Usual change
-of bias and friction during a log. Errors of the model,
-and what its misfit adds in the postures of one log, in σ of its posterior; torque of other shapes,
-relative to the range of the joint."""
+range of the joint; relative, √2 times `LARGE_DAY` of friction. Usual change of bias and friction
+during a log. Errors of the model, and what its misfit adds in the postures of one log, in σ of its
+posterior; torque of other shapes, relative to the range of the joint."""
 PLAUSIBLE = {
     "clock": 0.1,
     "sensor gain": 1.0,

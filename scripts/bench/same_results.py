@@ -51,7 +51,7 @@ MASKS = {
     r"(Computing time<b>)[^<]*": r"\1TIME",
     # Of a method in the tables of `compare`: name, error, worst joint, error of π, time.
     r"^((?:\| )?[a-z-]+ (?:\| )?\S+ (?:\| )?j\d+ \S+ (?:\| )?\S+ (?:\| )?)[\d.]+": r"\1TIME",
-    r"(data-m=\S+>(?:<td>[^<]*</td>){4}<td>)[\d.]+": r"\1TIME",
+    r"(data-m=[^>]+>(?:<td>[^<]*</td>){4}<td>)[\d.]+": r"\1TIME",
     r"\s*<svg\b[\s\S]*?</svg>\s*": "PICTURE",  # of numbers that stand in other files
 }
 """Expression → what replaces it in every text."""

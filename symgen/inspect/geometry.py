@@ -10,8 +10,8 @@ P = Σ_k T_k P_k T_kᵀ,  T_k from the frame of link k to that of the heaviest o
 """
 
 import math
-import os
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from xml.etree.ElementTree import ParseError
 
@@ -20,6 +20,7 @@ import numpy as np
 from defusedxml.ElementTree import iterparse
 from scipy.spatial import ConvexHull, QhullError
 
+from runtime.common.packages import folders_of_package
 from symgen.inspect.model import Body, Link, Model, Shape
 from symgen.kernel import Array
 
@@ -63,10 +64,7 @@ class Meshes:
 
     def __init__(self, model_file: Path, packages: tuple[Path, ...] = ()) -> None:
         self._folder = model_file.resolve().parent
-        variables = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
-        listed = [Path(p) for v in variables for p in os.environ.get(v, "").split(":") if p]
-        shares = [p / "share" for p in listed]
-        self._roots = (*packages, *listed, *shares, self._folder, *self._folder.parents)
+        self._packages = packages
         self._cache: dict[tuple[str, tuple[float, ...]], Array | None] = {}
         self.missing: list[str] = []  # names of files that were not found or are not solids
 
@@ -103,10 +101,14 @@ class Meshes:
         if file.startswith(("package://", "model://")):
             tail = file.split("://", 1)[1]
             package, _, rest = tail.partition("/")
-            places = [root / tail for root in self._roots]
-            places += [root / rest for root in self._roots if root.name == package]
+            above = (self._folder, *self._folder.parents)
+            places = chain(
+                (folder / rest for folder in folders_of_package(package, self._packages)),
+                (root / tail for root in above),
+                (root / rest for root in above if root.name == package),
+            )
         else:
-            places = [self._folder / file.removeprefix("file://")]
+            places = chain([self._folder / file.removeprefix("file://")])
         for place in places:
             try:
                 if place.is_file() and 0 < place.stat().st_size < LARGEST_MESH:

@@ -1,4 +1,4 @@
-"""Folders of ROS packages: the setting package, then ROS_PACKAGE_PATH, then AMENT_PREFIX_PATH.
+"""ROS packages and xacro files.
 
 xacro files become URDF by the package xacro, in a process of limited time and memory. A xacro file
 is a program: its expressions are Python, its macros call each other. The process of `xacro_child`
@@ -6,22 +6,18 @@ lets it compute and read files of its packages, and nothing else.
 """
 
 import logging
-import os
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
 from runtime.common.child import ExceededError, Limits, answer_of
+from runtime.common.packages import NAME, folders_of_package
 from symgen.errors import BuildError
 
 _log = logging.getLogger(__name__)
 
-_DEPTH = 4
-"""Levels below a folder of packages at which package.xml is searched."""
 _SCHEME = "package:/"
-_NAME = re.compile(r"[A-Za-z0-9][\w.-]*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,19 +28,13 @@ class Packages:
 
     def folder(self, name: str) -> Path:
         """Folder of a package; BuildError where no folder holds it, or the name is none."""
-        if not _NAME.fullmatch(name):
+        if not NAME.fullmatch(name):
             raise BuildError(
                 f"'{name[:80]}' is not the name of a ROS package; "
                 "expected letters, digits, '_', '-' and '.'"
             )
-        for root in self._roots():
-            if root.name == name and root.is_dir():
-                return root
-            for match in _packages_below(root, name, _DEPTH):
-                return match
-        for prefix in _listed("AMENT_PREFIX_PATH"):
-            if (prefix / "share" / name).is_dir():
-                return prefix / "share" / name
+        for folder in folders_of_package(name, self.folders):
+            return folder
         raise BuildError(
             f"the ROS package '{name}' is not found; name its folder with --settings package=DIR, "
             "or set ROS_PACKAGE_PATH or AMENT_PREFIX_PATH"
@@ -57,28 +47,6 @@ class Packages:
             return path
         name, _, rest = text.removeprefix(_SCHEME).lstrip("/").partition("/")
         return self.folder(name) / rest
-
-    def _roots(self) -> Sequence[Path]:
-        return (*self.folders, *_listed("ROS_PACKAGE_PATH"))
-
-
-def _listed(variable: str) -> Iterator[Path]:
-    for word in os.environ.get(variable, "").split(os.pathsep):
-        if word:
-            yield Path(word)
-
-
-def _packages_below(root: Path, name: str, depth: int) -> Iterator[Path]:
-    """Folders called `name` with a package.xml, at most `depth` levels below `root`."""
-    try:
-        entries = sorted(entry for entry in root.iterdir() if entry.is_dir())
-    except OSError:
-        return
-    for entry in entries:
-        if entry.name == name and (depth == _DEPTH or (entry / "package.xml").is_file()):
-            yield entry
-        elif depth > 1 and not entry.name.startswith(".") and not entry.is_symlink():
-            yield from _packages_below(entry, name, depth - 1)
 
 
 def expanded(

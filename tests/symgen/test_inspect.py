@@ -142,6 +142,12 @@ def test_volumes_of_shapes(tmp_path: Path) -> None:
     text = arm([GOOD], {1: '<visual><geometry><mesh filename="gone.stl"/></geometry></visual>'})
     assert meshes.extent(read_urdf(text).links["link1"]) is None
     assert meshes.missing == ["gone.stl"]
+    (tmp_path / "other").mkdir()
+    (tmp_path / "pkg/package.xml").write_text("<package/>")
+    for folder in (tmp_path, tmp_path.parent, tmp_path / "pkg"):
+        away = Meshes(tmp_path / "other/robot.urdf", (folder,))
+        text = arm([GOOD], {1: f"<collision><geometry>{[*shapes][4]}</geometry></collision>"})
+        assert away.extent(read_urdf(text).links["link1"]) is not None
 
 
 SIZES = ("1e400", "1e200", "1e-310")

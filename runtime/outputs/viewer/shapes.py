@@ -1,11 +1,9 @@
 """Shapes of a robot: its visual meshes, else its collision capsules, else solids of its joints.
 
-`package://NAME/rest` of a URDF is searched as DIR/NAME/rest and, where DIR itself is named NAME, as
-DIR/rest. DIR is every given folder, those of ROS_PACKAGE_PATH, and `share` of those of
-AMENT_PREFIX_PATH. A link that is fixed to a moving link is drawn with it.
+Meshes of `package://` are searched by `common.packages`. A link that is fixed to a moving link is
+drawn with it.
 """
 
-import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from runtime.common.files import text_of
 from runtime.common.optional import optional
+from runtime.common.packages import folders_of_package
 from runtime.errors import LibraryError, RuntimeFault
 from runtime.library import Array, Library
 
@@ -30,10 +29,6 @@ LARGEST_COORDINATE = 1e4
 """Largest coordinate that is accepted [m]."""
 COLOURS = ((96, 125, 160, 255), (170, 185, 205, 255))
 """Colours (RGBA) of links without one, in turn."""
-
-
-_SEARCHED = {"ROS_PACKAGE_PATH": "", "AMENT_PREFIX_PATH": "share"}
-"""Variable with folders → folder of the packages in each of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,9 +58,7 @@ def look_of(lib: Library, urdf: Path | None = None, packages: Iterable[Path] = (
     """Shapes of a robot: visuals of the URDF, else collision capsules, else solids."""
     text = lib.urdf() if urdf is None else _text(urdf)
     home = lib.folder if urdf is None else urdf.parent
-    listed = ((name, os.environ.get(name, "").split(os.pathsep)) for name in _SEARCHED)
-    searched = (Path(p) / _SEARCHED[name] for name, paths in listed for p in paths if p)
-    places = (*packages, *searched)
+    places = tuple(packages)
     try:
         visuals = tuple(_visuals(fromstring(text, forbid_dtd=True), lib))
     except (ParseError, ValueError) as error:
@@ -181,12 +174,10 @@ def _shape(
 
 def _resolved(name: str, places: Iterable[Path], home: Path) -> Path:
     scheme, _, rest = name.rpartition("://")
-    if scheme not in {"package", "model"}:
-        candidates = [home / rest]
-    else:
+    candidates = iter([home / rest])
+    if scheme in {"package", "model"}:
         package, _, inner = rest.partition("/")
-        candidates = [place / rest for place in places]
-        candidates += [place / inner for place in places if place.name == package]
+        candidates = (folder / inner for folder in folders_of_package(package, places))
     for path in candidates:
         if path.is_file():
             return path

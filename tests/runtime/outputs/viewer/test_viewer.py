@@ -98,7 +98,7 @@ def test_the_server_serves_until_it_is_closed(fr3: Library) -> None:
 def test_meshes_are_searched_in_packages(
     fr3: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A package beside, below, or in ROS's and ament's paths; a hand rides on its link."""
+    """A package beside, levels below, or in ROS's and ament's paths; a hand rides on its link."""
     urdf = tmp_path / "r.urdf"
     urdf.write_text(VISUALS)
     share = tmp_path / "prefix" / "share"
@@ -108,7 +108,8 @@ def test_meshes_are_searched_in_packages(
     assert [shape.link for shape in missing.shapes] == ["fr3_link7"]
     assert "not drawn: package://pack/a.stl (not found; name the folder" in missing.sentence
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "prefix"))
-    for packages in ((), (share,), (share / "pack",)):
+    (share / "pack" / "package.xml").write_text("<package/>")
+    for packages in ((), (share,), (share / "pack",), (tmp_path,)):
         look = look_of(fr3, urdf, packages)
         assert look.sentence == "2 visual shapes"
         monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)

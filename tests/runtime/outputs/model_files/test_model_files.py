@@ -205,6 +205,7 @@ def test_without_a_compiler_the_header_is_left_unchecked(
 ) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)  # zig
     (done,) = export_model(arm, perturbed(arm), ["header"], tmp_path / "out")
     assert "not checked" in done.sentence
     assert "C compiler" in done.sentence

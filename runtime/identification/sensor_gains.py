@@ -187,8 +187,7 @@ class GainProblem:
                 base = self.lib.base_regressor(s.q, s.dq, s.ddq)
                 friction = spread(s.columns, s.coupling)
                 parts = [base, friction, Y @ free, (Y @ pi)[:, :, None], s.tau[:, :, None]]
-                rows = np.concatenate(parts, axis=2)
-                rows = np.einsum("mj,ijk->imk", self.to_channels, rows)
+                rows = self.to_channels @ np.concatenate(parts, axis=2)
                 ones = np.zeros((*rows.shape[:2], len(RUNS)))
                 ones[:, :, k] = 1.0
                 yield np.swapaxes(np.concatenate([ones, rows], axis=2), 0, 1)

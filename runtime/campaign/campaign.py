@@ -47,6 +47,8 @@ UNSEEN_LATER = 0.2
 STATE = "state.json"
 NEAR = START / 2
 """Distance from the start below which a robot stays where it is [rad, m]."""
+WAY_SPEED = 0.1
+"""Share of full speed on the way to the start."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,7 +226,7 @@ def _recorded(
     say: Callable[[str], None],
 ) -> None:
     """Run one stage from its start; a stopped stage is repeated, its log is written beside it."""
-    move_to(driver, motion.home, safety, say=say)
+    move_to(driver, motion.home, safety, say)
     done = driver.stream(motion, guards=usual_guards(driver.lib, driver.rate_hz))
     if done.stop is None:
         write_recording(done.recording(driver.lib, name), path)
@@ -289,11 +291,7 @@ def opened_state(folder: Path, described: dict[str, Any]) -> dict[str, Any]:
 
 
 def move_to(
-    driver: Driver,
-    start: Array,
-    safety: Safety,
-    speed: float = 0.1,
-    say: Callable[[str], None] = lambda _: None,
+    driver: Driver, start: Array, safety: Safety, say: Callable[[str], None] = lambda _: None
 ) -> None:
     """Let the robot follow a certified way from where it stands: start (n,) [rad, m]."""
     here = driver.state().q
@@ -302,8 +300,8 @@ def move_to(
     way = way_to(driver.lib, here, start, safety).trajectory
     if way is None:
         return
-    slow = way.slowed(speed)
-    say(f"the robot moves to the start, {slow.duration:.3g} s at {100 * speed:g} % speed")
+    slow = way.slowed(WAY_SPEED)
+    say(f"the robot moves to the start, {slow.duration:.3g} s at {100 * WAY_SPEED:g} % speed")
     done = driver.stream(slow, guards=usual_guards(driver.lib, driver.rate_hz))
     if done.stop is not None:
         raise IdentificationError(

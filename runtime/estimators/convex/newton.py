@@ -126,9 +126,7 @@ def convex_problem(
     return ConvexProblem(data, prior, weights, inside, free)
 
 
-def minimise(
-    problem: ConvexProblem, start: Array | None = None, most_steps: int = MOST_STEPS
-) -> Minimum:
+def minimise(problem: ConvexProblem, start: Array | None = None) -> Minimum:
     """Minimise a convex problem by damped Newton steps."""
     cost = _Cost(problem)
     pi = np.array(problem.prior.centre if start is None else start, dtype=float)
@@ -142,7 +140,7 @@ def minimise(
     # A cost whose digits end above the goal can still be solved to its last digit.
     goal = max(goal, 4 * np.finfo(float).eps * abs(value))
     decrement, steps, converged = np.inf, 0, False
-    while steps < most_steps and not converged:
+    while steps < MOST_STEPS and not converged:
         # δ = −H⁻¹ g; ½ gᵀ H⁻¹ g is how far the cost is above its minimum, to second order.
         gradient, hessian = cost.slope(pi)
         step = -_solved(hessian, gradient, problem.free)

@@ -118,13 +118,9 @@ class PlayedMotion:
 
     def at(self, t: float) -> tuple[Array, Array | None, Array | None]:
         """q, dq and τ at the time t [s], (n,) each, by linear interpolation."""
-        k = int(np.clip(np.searchsorted(self.t, t) - 1, 0, max(len(self.t) - 2, 0)))
-        step = self.t[k + 1] - self.t[k] if len(self.t) > 1 else 1.0
-        share = float(np.clip((t - self.t[k]) / step, 0.0, 1.0))
 
         def between(values: Array) -> Array:
-            following = values[min(k + 1, len(values) - 1)]
-            return np.asarray((1 - share) * values[k] + share * following)
+            return np.array([np.interp(t, self.t, column) for column in values.T])
 
         dq = None if self.dq is None else between(self.dq)
         tau = None if self.tau is None else between(self.tau)

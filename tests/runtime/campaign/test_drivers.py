@@ -158,18 +158,21 @@ def test_a_motion_begins_where_the_robot_is(fr3: Library, motion: Trajectory) ->
         PlantedFault("fire", 0.1)
 
 
-def test_a_robot_elsewhere_moves_to_the_start(fr3: Library) -> None:
+def test_a_robot_elsewhere_moves_to_the_start(
+    fr3: Library, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Property: a certified way under guards; a robot that stands there stays, a push stops it."""
     aside = fr3.home + np.array([0.1, 0, 0, 0.1, 0, 0, 0])
     robot = VirtualDriver(fr3)
     robot.place(aside)
     sentences: list[str] = []
-    move_to(robot, fr3.home, Safety(), 0.5, sentences.append)
+    monkeypatch.setattr("runtime.campaign.campaign.WAY_SPEED", 0.5)
+    move_to(robot, fr3.home, Safety(), sentences.append)
     assert np.abs(robot.position - fr3.home).max() < START
-    move_to(robot, robot.position, Safety(), 0.5, sentences.append)
+    move_to(robot, robot.position, Safety(), sentences.append)
     assert len(sentences) == 1
     assert sentences[0].startswith("the robot moves to the start")
     pushed = VirtualDriver(fr3, fault=PlantedFault("collision", 0.2, 1))
     pushed.place(aside)
     with pytest.raises(IdentificationError, match=r"stopped after 0.2\d* s by external torque"):
-        move_to(pushed, fr3.home, Safety(), 0.5)
+        move_to(pushed, fr3.home, Safety())

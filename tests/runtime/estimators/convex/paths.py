@@ -1,6 +1,7 @@
 """The path of falling γ by NumPy, the oracle of the compiled one."""
 
 import numpy as np
+import pytest
 
 from runtime.estimators.convex.entropic_prior import Prior
 from runtime.estimators.convex.newton import (
@@ -24,7 +25,9 @@ def follow(
     minima: list[Minimum] = []
     for gamma in weights:
         start = minima[-1].pi if minima else None
-        minima.append(minimise(convex_problem(data, prior, float(gamma)), start, most_steps))
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("runtime.estimators.convex.newton.MOST_STEPS", most_steps)
+            minima.append(minimise(convex_problem(data, prior, float(gamma)), start))
         if not minima[-1].converged:
             break
     points, losses = np.array([m.pi for m in minima]), np.array([m.loss for m in minima])

@@ -27,6 +27,8 @@ from runtime.outputs.model_files.reload_check import require_torques, unchecked,
 from runtime.outputs.model_files.urdf_tree import digits
 
 INSTALL = "install a C compiler, or name one in CC"
+SECONDS = 60
+"""Time limit of the program that prints the arrays [s]."""
 
 
 def read_back(text: str, names: Mapping[str, tuple[int, ...]]) -> dict[str, Array] | None:
@@ -48,7 +50,9 @@ def read_back(text: str, names: Mapping[str, tuple[int, ...]]) -> dict[str, Arra
             return None
         try:
             run((*compiler, "-std=c99", "-Wall", "-Werror", "main.c", "-o", "main"), folder)
-            printed = subprocess.run([folder / "main"], capture_output=True, text=True, check=True)
+            printed = subprocess.run(
+                [folder / "main"], capture_output=True, text=True, check=True, timeout=SECONDS
+            )
         except (CompilerError, OSError, subprocess.SubprocessError) as error:
             raise Unreadable(error) from None
     values = iter(float.fromhex(line) for line in printed.stdout.splitlines())

@@ -285,6 +285,7 @@ class NuisanceTorque:
     scores: Array  # Qᵀ N λ, in the basis Q of the fit, (p, m)
     # Qᵀ N [C_s^½, s̄] of s | r ~ N(s̄, C_s), which the error of the fit has, (p, m + joints)
     error: Array
+    moved: Array  # Qᵀ N s̄, (p,)
     mean: Array  # most probable torque beside the columns of the fit, weighted, (N, n)
 
 
@@ -295,7 +296,7 @@ def nuisance_of(lib: Library, fit: FreeFit, pi: Array, density: float) -> Nuisan
     mean, kept = np.zeros_like(rest), [np.zeros((fit.basis.shape[1], 0))]
     errors = list(kept)
     if samples.base is not None or samples.equations != lib.n_joints:
-        return NuisanceTorque(kept[0], kept[0], mean)
+        return NuisanceTorque(kept[0], kept[0], np.zeros(len(kept[0])), mean)
     columns = nuisance_columns(lib, pi, samples)
     shapes = np.moveaxis(columns * fit.scale[..., None], 1, 0)
     basis = np.moveaxis(fit.basis.reshape(len(samples), n, -1), 1, 0)
@@ -309,7 +310,8 @@ def nuisance_of(lib: Library, fit: FreeFit, pi: Array, density: float) -> Nuisan
         errors.append(taken[j] @ np.column_stack([root, s]))
         mean[:, j] += shapes[j] @ s
         mean -= (basis @ (taken[j] @ s)).T
-    return NuisanceTorque(np.hstack(kept), np.hstack(errors), mean)
+    moved = np.sum([each[:, -1] for each in errors[1:]], axis=0)
+    return NuisanceTorque(np.hstack(kept), np.hstack(errors), moved, mean)
 
 
 def with_model_error(lib: Library, fit: FreeFit, pi: Array, density: float, root: Array) -> Array:

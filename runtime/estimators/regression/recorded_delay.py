@@ -36,9 +36,13 @@ from scipy.special import chdtri
 
 from runtime.common.tables import significant
 from runtime.errors import IdentificationError
-from runtime.estimators.regression.coloured_noise import coloured_noise_of_basis
+from runtime.estimators.regression.coloured_noise import (
+    coloured_noise_of_basis,
+    slow_cosines,
+    slow_part,
+)
 from runtime.estimators.regression.model_error import FreeFit, nuisance_of, scatter
-from runtime.estimators.regression.posterior import orthonormal
+from runtime.estimators.regression.posterior import orthonormal, posterior_of
 from runtime.estimators.regression.samples import NORMAL_95, Samples, samples_of
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording, Split
@@ -133,11 +137,11 @@ def recorded_delay(
     Without gains (`has_gains` False) the joints share no parameters.
     """
     usual = filtered(recording, preparation)
+    commanded = recording.torque_source == COMMANDED
     if usual.cutoff_hz:  # between rows, interpolation damps noise near the Nyquist frequency
         usual = replace(usual, cutoff_hz=min(usual.cutoff_hz, SHARE * recording.rate_hz))
     bare = recording.replace(columns=None, column_names=(), motors=None)
     whole = prepare(bare, usual, terms, lib=lib)
-    commanded = recording.torque_source == COMMANDED
     first, last = (-LATEST_S, EARLIEST_S) if commanded else (-reach_s, reach_s)
     t = whole.t
     rows = np.flatnonzero((t + first >= t[0]) & (t + last <= t[-1]))
@@ -149,15 +153,21 @@ def recorded_delay(
         )
     every = samples_of(whole, lib)
     samples, tau = every.rows(rows), every.tau
-    columns = samples.friction_rows()
-    model = samples.rigid(lib, lib.pi0) if commanded else np.zeros_like(samples.tau)
     used = np.ones_like(samples.tau)
     if not commanded:
-        springs = [lib.spring_columns(samples.q)] if lib.manifest.springs else []
-        columns = np.concatenate([samples.base_rows(lib), columns, *springs], axis=2)
         used = _sliding(every.dq, whole.rate_hz)[rows]
         used[:, used.mean(axis=0) <= LEAST_SHARE] = 1.0
 
+    def rows_of(some: Samples) -> Array:
+        """The columns, and the torque of the URDF where it counts, in the last one."""
+        if commanded:
+            return np.dstack([some.friction_rows(), some.rigid(lib, lib.pi0)])
+        springs = [lib.spring_columns(some.q)] if lib.manifest.springs else []
+        return np.dstack([some.base_rows(lib), some.friction_rows(), *springs, 0 * some.tau])
+
+    both = rows_of(samples)
+    columns, model = both[..., :-1], both[..., -1]
+    rates = (rows_of(every.rows(rows + 1)) - rows_of(every.rows(rows - 1))) * whole.rate_hz / 2
     known = stated_delay(preparation)
 
     def fit_of(step: int) -> _Fit:
@@ -167,7 +177,7 @@ def recorded_delay(
             return weight * (interpolate(t[rows[few]] + delay, t, tau) - model[few])
 
         shown = columns[few] * weight[:, :, None]
-        return _Fit(lib, samples.rows(few), shown, torque, known, weight, has_gains)
+        return _Fit(lib, samples.rows(few), shown, rates[few], torque, known, weight, has_gains)
 
     # A coarse search of the whole range finds the valley, whose width is a quarter of the period.
     width = 0.25 / (preparation.cutoff_hz or CUTOFF_HZ)
@@ -236,6 +246,7 @@ class _Solved:
     variance: Array  # s_j², (M + 1, n)
     losses: Array  # Σ_j N_j ln s_j², (M + 1,)
     scale: Array  # 1 / s_j at the best delay, (n,)
+    least: float  # variance of rounding [N²·m², N²]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -245,6 +256,7 @@ class _Fit:
     lib: Library
     samples: Samples
     rows: Array  # W, (N, n, p)
+    rates: Array  # dW/dt of all rows, and that of the URDF's torque, (N, n, p + 1)
     torque: Callable[[float], Array]  # τ(t + δ) of a delay, (N, n)
     known: float  # δ that the gain is relative to [s]
     used: Array  # 1 in rows that are not 0, (N, n)
@@ -269,38 +281,43 @@ class _Fit:
             logs = np.log(np.maximum(variance, floor))
             best = int(np.argmin(logs[:-1] @ counts))
             scale = 1.0 / np.sqrt(np.maximum(variance[best], floor))
-        return _Solved(best, rests, variance, logs @ counts, scale)
+        return _Solved(best, rests, variance, logs @ counts, scale, floor)
 
     def profile(self, delays: Array) -> DelayProfile:
         """Profile of the loss over delays (M,) [s]."""
         solved = self.solved(delays)
         best, rests, variance, scale = solved.best, solved.rests, solved.variance, solved.scale
-        after, before = rests[min(best + 1, len(delays) - 1)], rests[max(best - 1, 0)]
-        basis = orthonormal((self.rows * scale[:, None]).reshape(-1, self.rows.shape[2]))
-        pair = np.stack([rests[best] * scale, (after - before) * scale], axis=-1).reshape(-1, 2)
+        whole = (self.rows * scale[:, None]).reshape(-1, self.rows.shape[2])
+        basis = orthonormal(whole)
+        # Slope of the torque that the fit predicts: that of the residuals is mostly noise where the
+        # motion is slow, and nuisance torque would look small beside it.
+        x = posterior_of(whole, (self.torque(float(delays[best])) * scale).ravel()).mean
+        slope = slow_part(self.rates @ np.append(x, 1.0), slow_cosines(self.samples)) * self.used
+        pair, shape = np.dstack([rests[best] * scale, slope * scale]).reshape(-1, 2), slope.shape
         rest, slope = (pair - basis @ (basis.T @ pair)).T
-        shape = rests[best].shape
-        level = coloured_noise_of_basis(
-            [(basis.reshape(*shape, -1), rest.reshape(shape))], 1
-        ).inflation
+        stretch = basis.reshape(*shape, -1), rest.reshape(shape)
+        level = coloured_noise_of_basis([stretch], 1).inflation
+        losses, counts = solved.losses, self.used.sum(axis=0)
         if slope.any():  # the score of δ scatters between blocks, and contains nuisance torque
             slope = slope[:, None] / np.linalg.norm(slope)
-            spread = scatter(self.samples, slope, rest.reshape(shape), level)
-            level = max(level, float(spread[0, 0]))
+            level = max(level, float(scatter(self.samples, slope, stretch[1], level)[0, 0]))
             beside, none = np.hstack([slope, basis]), np.zeros((0, 0))
             fit = FreeFit(self.samples, scale * self.used, none, beside, rest, rest, ())
-            level += float(np.sum(nuisance_of(self.lib, fit, self.lib.pi0, level).error[0] ** 2))
-        losses = solved.losses / level / 2
+            nuisance = nuisance_of(self.lib, fit, self.lib.pi0, level)
+            # The loss is that of residuals without the most probable nuisance torque. What it moves
+            # δ by stays an error of that size: the shapes of a robot are not quite those assumed.
+            level += float(np.sum(nuisance.error[0] ** 2))
+            rests = rests - (nuisance.mean + nuisance.moved[0] * slope.reshape(shape)) / scale
+            variance = np.sum(rests**2, axis=1) / counts
+            losses = np.log(np.maximum(variance, solved.least)) @ counts
+            best = int(np.argmin(losses[:-1]))
+        losses = losses / level / 2
         loss = losses[:-1] - losses[:-1].min()
         used = (variance[best] > 0) & (variance[-1] > 0)
         ratio = np.log(variance[best, used] / variance[-1, used])
-        return DelayProfile(
-            delays,
-            loss,
-            vertex(delays, loss, best),
-            _interval(delays, loss, chdtri(1, 0.05) / 2),
-            float(1.0 - np.exp(ratio.mean())) if used.any() else 0.0,
-        )
+        gain = float(1.0 - np.exp(ratio.mean())) if used.any() else 0.0
+        ends = _interval(delays, loss, chdtri(1, 0.05) / 2)
+        return DelayProfile(delays, loss, vertex(delays, loss, best), ends, gain)
 
     @staticmethod
     def _rest(target: Array, bases: list[tuple[list[int], Array]]) -> Array:

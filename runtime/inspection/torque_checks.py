@@ -247,8 +247,10 @@ def _check_fit(checks: CheckRun, terms: Friction) -> None:
         # What a tilt or a zero explained may have been the delay.
         causes = model_fit.causes_left(torque_rows, fit) if is_known else causes
         gain = model_fit.explained(torque_rows, causes) if gain else []
+    limbs = model_fit.beside_limbs(torque_rows) if is_known else []
     if not any(f.kind == "torque_gain" for f in gain):
-        gain = model_fit.gain_by_slope(torque_rows, causes) or gain
+        of_limbs = model_fit.gain_of_limbs(lib, limbs)
+        gain = model_fit.gain_by_slope(torque_rows, causes) or of_limbs or gain
     strange = model_fit.unexplained(torque_rows, fit, has_gains=checks.has_gains)
     if strange:  # what no bodies explain at any delay has none
         checks.plan, late = before, [each for each in late if each.kind != "time_shift"]
@@ -258,7 +260,7 @@ def _check_fit(checks: CheckRun, terms: Friction) -> None:
     guessed = guessed and any(f.kind == "torque_unit" for f in checks.findings)
     guessed = guessed or not checks.has_gains
     if checks.has_gains and not guessed and not lib.placeholders:
-        checks.findings += model_fit.hidden_gains(torque_rows, causes)
+        checks.findings += model_fit.hidden_gains(torque_rows, causes, limbs)
     if not strange and not guessed:  # wrong gains look like a tool or a coupling
         checks.findings += gain
         accused = any(f.level == WARNING for f in gain)

@@ -177,6 +177,49 @@ def test_a_gain_that_the_residual_leaves_open(
     assert (1 in hidden) == is_hidden
 
 
+@pytest.mark.parametrize(
+    ("gain", "rotors", "drag", "named"),
+    [
+        (1.0, (1.0, 1.0, 1.0, 1.0), 1.0, {}),
+        (2.0, (1.0, 1.1, 0.9, 1.0), 1.0, {1: 2.1}),
+        (0.5, (1.0, 1.0, 1.0, 1.0), 1.0, {1: 0.5}),
+        (1.0, (1.0, 2.0, 1.0, 1.0), 1.0, {}),  # only the rotor differs, no gain
+        (1.0, (1.0, 1.0, 1.0, 1.0), 2.0, {}),  # only friction
+        (2.0, (1.0, 1.0, 0.5, 1.0), 1.0, {}),  # the rotors of the others do not agree
+    ],
+)
+def test_a_gain_beside_other_limbs(monkeypatch, gain, rotors, drag, named) -> None:
+    """Oracle: the torque of joint 1, of four legs of one joint, times a gain.
+
+    The bodies of the URDF explain none of it, as at the calf of a Go2.
+    """
+    t = np.arange(600) / 100.0
+    dq = np.sin(np.outer(t, [3.0, 3.1, 2.9, 3.0])) + np.sin(np.outer(t, [7.0, 7.5, 8.0, 7.2]))
+    ddq = np.gradient(dq, t, axis=0)
+    factors = np.array([1.0, gain, 1.0, 1.0])
+    tau = factors * (0.02 * np.array(rotors) * ddq + 0.3 * np.array([1, drag, 1, 1]) * dq)
+    monkeypatch.setattr(model_fit, "slopes_to_model", lambda _: (np.ones(4), np.zeros(4, bool)))
+    joints = [SimpleNamespace(parent=-1, effort=24.0) for _ in range(4)]
+    robot = SimpleNamespace(
+        n_joints=4,
+        joint_names=("a", "b", "c", "d"),
+        pi0=np.tile(np.r_[0.2, np.zeros(9)], 4),
+        manifest=SimpleNamespace(all_joints=joints),
+    )
+    samples = SimpleNamespace(dq=dq, ddq=ddq, tau=tau)
+    model = np.zeros_like(tau), 1e-3 * np.sin(np.outer(t, [1.0, 1.1, 1.2, 1.3]))
+    whole = SimpleNamespace(required=lambda _: tau)
+    rows = SimpleNamespace(lib=robot, samples=samples, model_torque=lambda: model, whole=whole)
+    limbs = model_fit.beside_limbs(rows)
+    found = model_fit.gain_of_limbs(robot, limbs)
+    # The mean of 2.2 by the rotor and 2 by friction is 2.1.
+    assert {f.evidence["joint"]: f.evidence["gain"] for f in found} == pytest.approx(
+        named, rel=0.05
+    )
+    hidden = [f.evidence["joints"] for f in model_fit.hidden_gains(rows, Causes(), limbs)]
+    assert any(1 in joints for joints in hidden) == (len(limbs[1]) < 2)
+
+
 @pytest.mark.parametrize(("share", "kinds"), [(0.02, ["gain_error"]), (0.2, [])])
 def test_a_small_gain_is_stated_as_by_identify(lib, monkeypatch, share, kinds) -> None:
     """Property: the words of `identify`, as a note; a large one needs the slope of the URDF."""

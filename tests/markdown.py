@@ -12,6 +12,7 @@ import pytest
 import runtime.cli
 import symgen.cli
 import symgen.cli.console
+from tests.compiling import compile_program
 
 MAIN = {
     "symgen": symgen.cli.console.main,
@@ -40,6 +41,8 @@ def run(language: str, block: str, capture: pytest.CaptureFixture[str]) -> str:
             printed += run_here("symgen", words[1:], capture)
         elif words[:2] == ["python", "-m"]:
             printed += run_here(f"python -m {words[2]}", words[3:], capture)
+        elif words[0] == "cc":
+            compile_program(words, Path.cwd())
         else:
             done = subprocess.run(words, capture_output=True, text=True, check=False)
             assert done.returncode == 0, f"{line}: {done.stderr}"

@@ -4,7 +4,6 @@ import ctypes
 import json
 import re
 import shutil
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import numpy as np
 import pytest
 
 from runtime.library import Library
+from tests.compiling import compile_program
 
 N = 3
 """Samples."""
@@ -67,7 +67,7 @@ def compiled(folder: Path, space: str, kernels: list[Any], tmp_path: Path) -> ct
     source, library = tmp_path / "host.cpp", tmp_path / "host.so"
     source.write_text(text)
     flags = ("-std=c++11", "-O0", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC")
-    subprocess.run([compiler, *flags, "-I", folder, source, "-o", library], check=True)
+    compile_program([compiler, *flags, f"-I{folder}", source, "-o", library], tmp_path)
     return ctypes.CDLL(str(library))
 
 

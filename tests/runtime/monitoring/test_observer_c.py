@@ -17,6 +17,7 @@ from runtime.monitoring.observation import Detector, detector_for, observe, prep
 from runtime.monitoring.observer import ObserverSettings
 from runtime.outputs.observer_c import observer_c
 from runtime.recording import Friction
+from tests.compiling import compile_program
 from tests.runtime.monitoring.conftest import Monitored
 
 DRIVER = """
@@ -57,10 +58,7 @@ def compiled(texts: dict[str, str], lib: Library, folder: Path, main: str) -> Pa
     sources = [str(folder / main), str(folder / "observer.c")]
     library = [str(lib.folder / f"lib{lib.name}.so"), f"-Wl,-rpath,{lib.folder}"]
     words = ["cc", *STRICT, f"-I{lib.folder}", f"-I{folder}", *sources, *library, "-lm", "-o"]
-    done = subprocess.run(
-        [*words, str(folder / "run")], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
+    compile_program([*words, folder / "run"], folder)
     return folder / "run"
 
 
@@ -131,7 +129,7 @@ def test_no_uninitialised_byte_decides(
     sources += [lib.folder / "kernels.c", lib.folder / "update.c"]
     words = [compiler, "-std=c99", "-g", "-O0", f"-I{lib.folder}", f"-I{tmp_path}"]
     program = tmp_path / "run"
-    subprocess.run([*words, *map(str, sources), "-lm", "-o", str(program)], check=True)
+    compile_program([*words, *sources, "-lm", "-o", program], tmp_path)
     part = prepared_for(rest_of_log.take(slice(0, 400), "part"), detector.model)
     data = np.hstack([part.q, part.dq, part.tau]).tobytes()
     done = subprocess.run(

@@ -1,6 +1,5 @@
 """Functions for CasADi: values and Jacobians of both files against the compiled kernels."""
 
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from runtime.recording.friction.model import columns
 from runtime.recording.settings import JointMotion
 from symgen.cli import main
 from symgen.make.casadi_files import EXPORTED
+from tests.compiling import compile_program
 from tests.robots import DATA
 
 NAMES = {*EXPORTED, "gravity"}
@@ -71,8 +71,8 @@ def test_both_files_equal_the_kernels(
 
 
 def compiled_to(library: Path, *sources: Path) -> None:
-    words = ("-O0", "-shared", "-fPIC", *map(str, sources), "-o", str(library), "-lm")
-    subprocess.run([*find_compiler(), *words], check=True)
+    words = ("-O0", "-shared", "-fPIC", *sources, "-o", library, "-lm")
+    compile_program([*find_compiler(), *words], library.parent)
 
 
 def _exported_functions(lib: Library, folder: Path) -> None:

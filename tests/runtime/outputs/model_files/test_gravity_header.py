@@ -9,6 +9,7 @@ import pytest
 
 from runtime.library import Library
 from runtime.outputs.model_files.export import export_model
+from tests.compiling import compile_program
 
 MAIN = """#include <stdio.h>
 #include "arm_gravity.h"
@@ -37,7 +38,7 @@ def test_the_gravity_header_computes_the_gravity_torque(arm: Library, tmp_path: 
     sources = [str(tmp_path / "main.c"), str(Path(arm.folder) / "kernels.c")]
     flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-Wno-unused-parameter"]
     command = ["cc", *flags, *sources, "-o", str(tmp_path / "main"), "-lm"]
-    subprocess.run(command, check=True, capture_output=True)
+    compile_program(command, tmp_path)
     out = subprocess.run([str(tmp_path / "main")], check=True, capture_output=True, text=True)
     tau = np.array([float.fromhex(line) for line in out.stdout.splitlines()])
     expected = arm.inverse_dynamics(q, 0 * q, 0 * q, pi)

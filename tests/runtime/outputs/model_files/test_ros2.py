@@ -52,7 +52,9 @@ def plugin(package: Path) -> Path:
     warnings = ("-Wall", "-Wextra", "-Wpedantic", "-Werror")
 
     def run(*words: object) -> None:
-        ran = subprocess.run(list(map(str, words)), capture_output=True, text=True, check=False)
+        ran = subprocess.run(
+            list(map(str, words)), capture_output=True, text=True, check=False, cwd=build
+        )
         assert ran.returncode == 0, ran.stderr
 
     for name in ("solver", "gravity_compensation"):

@@ -23,6 +23,7 @@ from symgen.chain.mechanism import Mechanism
 from symgen.cli.make import read_mechanism
 from symgen.make.config import read_config
 from symgen.sources import Source, read_source
+from tests.free_base_logs import Experiment, virtual_log
 from tests.markdown import blocks, run_all
 from tests.robots import DATA
 
@@ -132,6 +133,9 @@ def test_blocks_run(page, desk, request, monkeypatch, capsys):
         text = (DATA / "hopper.urdf").read_text(encoding="utf-8")
         legs = request.getfixturevalue("hopper").folder
         shutil.copytree(legs, desk / "generated/go2")
+        walk = virtual_log(text, ("left_foot",), 3, Experiment(count=400, torque_noise=0.003))
+        commanded = {"tau_command" if key == "tau" else key: x for key, x in walk.arrays.items()}
+        np.savez(desk / "walk.npz", **commanded)
     printed = run_all(page, capsys)
     if page.name == "free-base.md":
         # 9.81 m/s² times the masses of the file

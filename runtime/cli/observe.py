@@ -274,7 +274,7 @@ def _show(facts: dict[str, Any], folder: Path) -> None:
     rows = tuple((n, f"{s:.3g}", f"{bar:.3g}", unit, str(count[n])) for n, s, bar, unit in columns)
     show(Table(head, rows, title=f"{facts['robot']}: thresholds at {stated['stated']}"))
     say(
-        f"{alarms} contacts in {facts['seconds']:.3g} s; at the stated rate "
+        f"{alarms} contact{'s' * (alarms != 1)} in {facts['seconds']:.3g} s; at the stated rate "
         f"{significant(stated['expected_in_log'])} false alarms are expected in this time"
     )
     likely = stated["by_stretches_per_hour"]

@@ -248,7 +248,9 @@ def _prepared_logs(
         rest = replace(rest, friction=first.friction, coulomb_speed=None)
     gains, data = first.recording.gains, [first]
     for each in named[1:]:
-        log = each.recording if gains is None else scaled(each.recording, gains)
+        log = each.recording
+        if gains is not None:  # which are in the order of the robot
+            log = scaled(independent_joints(log, lib), gains)
         data.append(prepared_log(log, lib, _of(each, rest), (), progress))
     return data
 

@@ -35,7 +35,7 @@ from runtime.identification.settings import (
 from runtime.identification.single_log import without_torque_columns
 from runtime.library import Library
 from runtime.recording import EVERYTHING, Friction, Preparation, Recording, Split
-from runtime.recording.coupled_joints import independent_joints
+from runtime.recording.coupled_joints import in_order_of, independent_joints
 from runtime.recording.friction.columns import OFFSET, ROTOR
 from runtime.recording.friction.model import default_terms
 from runtime.recording.preprocessing.parts import before_test
@@ -91,10 +91,7 @@ def prepared_log(
 
     Where neither settings nor recipe name columns of friction they are chosen from `usable`.
     """
-    streamed = log if isinstance(log, StreamedRecording) else None
-    recording = head_of(log) if isinstance(log, StreamedRecording) else log
-    if streamed is None:
-        recording = independent_joints(recording, lib)
+    recording, streamed = _in_order(log, lib)
     parts = settings.split if settings.test is None else EVERYTHING
     terms = friction_of(recording, settings)
     prepared, notes, quality = settings.preparation, tuple[str, ...](), None
@@ -149,6 +146,16 @@ def prepared_log(
             terms, note = chosen.terms, chosen.sentence
         notes += (note,)
     return PreparedLog(recording, prepared, settings.split, terms, notes, streamed)
+
+
+def _in_order(
+    log: Recording | StreamedRecording, lib: Library
+) -> tuple[Recording, StreamedRecording | None]:
+    """Rows in the joints of the robot, and the log whose first rows they are, if it is streamed."""
+    if isinstance(log, StreamedRecording):
+        streamed = in_order_of(lib, log)
+        return head_of(streamed), streamed
+    return independent_joints(log, lib), None
 
 
 def chosen_filter(

@@ -190,6 +190,9 @@ def _check_torque(checks: CheckRun, propose: bool, *, blind: bool) -> None:
         check_torque(checks, propose)
         if checks.has_gains:  # unknown gains scale the torque of each joint
             findings += signals.little_torque(checks.recording, checks.lib)
+    if not checks.has_gains or any(f.kind == "torque_unit" for f in findings):
+        # Peaks in another unit are not those of a limit in N·m.
+        findings[:] = [f for f in findings if (f.kind, f.level) != ("saturation", INFO)]
 
 
 def _read(
@@ -248,8 +251,7 @@ def of_independent_joints(
         if few.joint_names == names or few.joint_names != lib.joint_names:
             return raw, plan, []
         places = [names.index(name) for name in renamed_joints(names, lib.joint_names)]
-        order = {kind: signal.reordered(places) for kind, signal in plan.signals().items()}
-        return raw, plan.replace(joints=lib.joint_names, **order), []
+        return raw, plan.reordered(places, lib.joint_names), []
     places = [names.index(name) for name in lib.joint_names]
     if recording.tau is not None:
         others = np.abs(np.delete(recording.tau, places, axis=1))

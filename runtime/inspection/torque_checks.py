@@ -115,9 +115,10 @@ def _with_rotors(checks: CheckRun, terms: Friction) -> Friction:
     """Friction columns with rotors, where these take a part of what links and friction leave."""
     if checks.plan.friction is not None or ROTOR.name in terms.columns:
         return terms
-    shares = drives.shares_of(checks.recording, checks.lib, checks.plan.preparation)
-    if shares is None or shares.drives > ROTORS * shares.friction:
-        return terms
+    if checks.has_gains:
+        shares = drives.shares_of(checks.recording, checks.lib, checks.plan.preparation)
+        if shares is None or shares.drives > ROTORS * shares.friction:
+            return terms
     return replace(terms, columns=(*terms.columns, ROTOR.name))
 
 

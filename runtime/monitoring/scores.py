@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 
+from runtime.errors import IdentificationError
 from runtime.estimators.regression.coloured_noise import (
     ColouredNoise,
     coloured_noise_of_basis,
@@ -327,15 +328,24 @@ def usual_of(
         scales[: len(PLAUSIBLE)] *= share
         scales[-1] *= share
     else:
-        steps = minimize(
-            lambda step: (
-                -_common(changes, errors, logs, default * np.exp(DOUBT * step), delay_sigma)[2]
-                + 0.5 * float(step @ step)
-            ),
-            np.zeros(len(default)),
-            method="L-BFGS-B",
-            options={"maxiter": 30, "ftol": 1e-5},
-        ).x
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):
+                steps = minimize(
+                    lambda step: (
+                        -_common(
+                            changes, errors, logs, default * np.exp(DOUBT * step), delay_sigma
+                        )[2]
+                        + 0.5 * float(step @ step)
+                    ),
+                    np.zeros(len(default)),
+                    method="L-BFGS-B",
+                    options={"maxiter": 30, "ftol": 1e-5},
+                ).x
+        except (ValueError, np.linalg.LinAlgError):  # the search left the range of numbers
+            raise IdentificationError(
+                "the logs of reference are so far from the model that no usual change explains "
+                "them; identify the robot again from one of them, or leave --reference out"
+            ) from None
         scales = default * np.exp(DOUBT * steps)
     mean, covariance = _common(changes, errors, logs, scales, delay_sigma)[:2]
     freedom = float(FREEDOM * len(logs) if references else ASSUMED)

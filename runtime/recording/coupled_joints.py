@@ -10,6 +10,7 @@ robot has exactly one counterpart; the step is noted. Other differences are stat
 
 import re
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from itertools import takewhile
 from typing import Any
 
@@ -18,6 +19,7 @@ import numpy as np
 from runtime.errors import IdentificationError
 from runtime.library import Library
 from runtime.recording.recording import SIGNALS, Recording
+from runtime.recording.streamed import StreamedRecording
 
 
 def renamed_joints(of_log: Collection[str], robot: Sequence[str]) -> tuple[str, ...]:
@@ -58,25 +60,47 @@ def independent_joints(recording: Recording, lib: Library) -> Recording:
 
 
 def _in_order(recording: Recording, lib: Library) -> Recording:
-    """The joints of the robot by name; laws and unknown gains keep the order of the recipe."""
-    names, robot = recording.joint_names, lib.joint_names
-    has_numbers = recording.law is not None or recording.has_unknown_gains
-    if not names or recording.columns is not None or has_numbers:
+    """The joints of the robot by name, with the law of their torque."""
+    names = recording.joint_names
+    places = () if recording.columns is not None else _places(names, lib)
+    if not places:
         return recording
-    wanted = renamed_joints(names, robot)
+    taken = ", ".join(names[k] for k in places)
+    sentence = f"Took the joints {taken} of the log by their names."
+    return _picked(recording, places, joint_names=lib.joint_names).noted(sentence)
+
+
+def in_order_of(lib: Library, log: StreamedRecording) -> StreamedRecording:
+    """The log of a file with the joints of the robot, by name."""
+    places = _places(log.joint_names, lib)
+    if not places:
+        return log
+    if len(places) < len(log.joint_names):
+        raise IdentificationError(
+            f"'{log.name}' is larger than memory and contains more joints than '{lib.name}'; write "
+            "a log of the robot's joints, or read it as a whole with --settings stream=false"
+        )
+    plan = log.plan.reordered(places, lib.joint_names)
+    return replace(log, plan=plan, joint_names=lib.joint_names)
+
+
+def _places(names: tuple[str, ...], lib: Library) -> tuple[int, ...]:
+    """Places of the joints of the robot among the names of a log; () where it is as it should."""
+    robot = lib.joint_names
+    wanted = renamed_joints(names, robot) if names else ()
     if wanted in {(), names} or len({*names} & {*lib.all_joint_names}) > len(robot):
-        return recording
-    sentence = f"Took the joints {', '.join(wanted)} of the log by their names."
-    places = [names.index(name) for name in wanted]
-    return _picked(recording, places, joint_names=robot).noted(sentence)
+        return ()
+    return tuple(names.index(name) for name in wanted)
 
 
-def _picked(recording: Recording, places: list[int], **changes: Any) -> Recording:
+def _picked(recording: Recording, places: Sequence[int], **changes: Any) -> Recording:
     """The recording of the joints at these places, with some fields changed."""
     of_joints = {key: getattr(recording, key) for key in SIGNALS}
-    picked = {key: x[:, places] for key, x in of_joints.items() if x is not None}
-    signals = {key: x[:, places] for key, x in recording.signals.items()}
-    return recording.replace(**{**picked, "signals": signals, **changes})
+    joints = list(places)
+    picked = {key: x[:, joints] for key, x in of_joints.items() if x is not None}
+    signals = {key: x[:, joints] for key, x in recording.signals.items()}
+    law = None if recording.law is None else recording.law.reordered(places)
+    return recording.replace(**{**picked, "signals": signals, "law": law, **changes})
 
 
 def _reduced(recording: Recording, lib: Library) -> Recording:

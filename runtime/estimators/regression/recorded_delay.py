@@ -176,8 +176,10 @@ def recorded_delay(
         def torque(delay: float) -> Array:
             return weight * (interpolate(t[rows[few]] + delay, t, tau) - model[few])
 
-        shown = columns[few] * weight[:, :, None]
-        return _Fit(lib, samples.rows(few), shown, rates[few], torque, known, weight, has_gains)
+        shown, slopes = columns[few] * weight[:, :, None], rates[few]
+        if not has_gains:
+            shown, slopes = _apart(shown), np.dstack([_apart(slopes[..., :-1]), slopes[..., -1]])
+        return _Fit(lib, samples.rows(few), shown, slopes, torque, known, weight)
 
     # A coarse search of the whole range finds the valley, whose width is a quarter of the period.
     width = 0.25 / (preparation.cutoff_hz or CUTOFF_HZ)
@@ -209,6 +211,12 @@ def delay_of_log(
     if measured and has_rotors and ROTOR.name not in terms.columns and not terms.gear:
         terms = replace(terms, columns=(*terms.columns, ROTOR.name))
     return recorded_delay(before_test(recording, split), lib, preparation, terms)
+
+
+def _apart(columns: Array) -> Array:
+    """Columns (N, n, p) where every joint has parameters of its own, (N, n, n p)."""
+    joints = np.eye(columns.shape[1])[:, :, None]
+    return np.asarray((columns[:, :, None] * joints).reshape(*columns.shape[:2], -1))
 
 
 def stated_delay(preparation: Preparation) -> float:
@@ -260,22 +268,20 @@ class _Fit:
     torque: Callable[[float], Array]  # τ(t + δ) of a delay, (N, n)
     known: float  # δ that the gain is relative to [s]
     used: Array  # 1 in rows that are not 0, (N, n)
-    has_gains: bool
 
     def solved(self, delays: Array) -> "_Solved":
         """Residuals and losses at delays (M,) and at the known one [s]."""
-        n, p = self.rows.shape[1:]
+        p = self.rows.shape[2]
         counts = self.used.sum(axis=0)
         shifted = np.stack([self.torque(float(delay)) for delay in (*delays, self.known)])
         start = shifted[int(np.argmin(np.abs(delays)))]
         scale = 1.0 / np.maximum(start.std(axis=0), 1e-12 * float(start.std()) + 1e-300)
-        blocks = [list(range(n))] if self.has_gains else [[j] for j in range(n)]
         best, rests = 0, shifted
         for _ in range(PASSES):
             # Weighted orthonormal basis of the columns: one product for all delays.
-            weighted = self.rows * scale[:, None]
-            bases = [(block, orthonormal(weighted[:, block].reshape(-1, p))) for block in blocks]
-            rests = self._rest(shifted * scale, bases) / scale
+            basis = orthonormal((self.rows * scale[:, None]).reshape(-1, p))
+            target = (shifted * scale).reshape(len(shifted), -1)
+            rests = (target - target @ basis @ basis.T).reshape(shifted.shape) / scale
             variance = np.sum(rests**2, axis=1) / counts
             floor = 1e-12 * float(np.mean(start**2)) + 1e-300
             logs = np.log(np.maximum(variance, floor))
@@ -318,15 +324,6 @@ class _Fit:
         gain = float(1.0 - np.exp(ratio.mean())) if used.any() else 0.0
         ends = _interval(delays, loss, chdtri(1, 0.05) / 2)
         return DelayProfile(delays, loss, vertex(delays, loss, best), ends, gain)
-
-    @staticmethod
-    def _rest(target: Array, bases: list[tuple[list[int], Array]]) -> Array:
-        """Residual of the blocks of joints at every delay, (M, N, n)."""
-        rest = np.array(target)
-        for block, basis in bases:
-            part = target[:, :, block].reshape(len(target), -1)
-            rest[:, :, block] = (part - part @ basis @ basis.T).reshape(len(target), -1, len(block))
-        return rest
 
 
 def vertex(x: Array, y: Array, k: int) -> float:

@@ -432,10 +432,11 @@ def notes_of(
             "the payload it cancels, and they are far narrower"
         )
     if share > _MODEL_ERROR and not differential:
+        other = ", or give a model identified on the empty arm" if model.root is None else ""
         notes.append(
             f"the residual is {100 * share:.0f} % of the payload's torque, so that the error of "
             "the arm's model exceeds that of the sensors; record the same motion without the "
-            "payload, or give a model identified on the empty arm"
+            f"payload{other}"
         )
     if not model.phi.size and not differential:
         notes.append("friction of the arm is taken as zero; give a model or an empty run")

@@ -47,8 +47,8 @@ KINDS: dict[str, tuple[str, ...]] = {
     "acceleration": ("ddq", "qdd", "acc", "acceleration", "accelerations"),
     "velocity": ("dq", "qd", "vel", "velocity", "velocities", "speed", "omega"),
     "torque": (
-        *("tau", "torque", "torques", "effort", "efforts", "moment", "current", "curr"),
-        *("currents", "load"),
+        *("tau", "torque", "torques", "torq", "trq", "effort", "efforts", "moment", "moments"),
+        *("current", "curr", "currents", "load"),
     ),
     "position": ("q", "pos", "position", "positions", "angle", "angles", "theta"),
     "time": ("t", "time", "times", "timestamp", "stamp", "clock"),
@@ -57,12 +57,15 @@ COMMANDED = {
     *("d", "des", "desired", "target", "cmd", "command", "commanded", "ref", "reference", "set"),
     *("setpoint", "goal", "gen", "model", "sim", "computed", "expected", "nominal"),
 }
+RATED = "rated"
+"""Unit of a torque that is stated as a share of the rated one of a joint."""
 UNIT_WORDS: dict[str, dict[str, str]] = {
     "time": {"s": "s", "sec": "s", "ms": "ms", "us": "us", "µs": "us", "ns": "ns"},
     "position": {"rad": "rad", "deg": "deg", "degree": "deg", "degrees": "deg", "mm": "mm"},
-    "velocity": {"rad": "rad/s", "deg": "deg/s", "rpm": "rpm"},
+    "velocity": {"rad": "rad/s", "deg": "deg/s", "dps": "deg/s", "rpm": "rpm"},
     "acceleration": {"rad": "rad/s^2", "deg": "deg/s^2"},
-    "torque": {"nm": "N*m", "mnm": "mN*m", "ma": "mA", "a": "A"},
+    "torque": {"nm": "N*m", "mnm": "mN*m", "ma": "mA", "a": "A"}
+    | dict.fromkeys(("pct", "percent", "rated", "permille"), RATED),
 }
 KIND_OF_UNIT = {
     **dict.fromkeys(("s", "sec", "ms", "us", "µs", "ns"), "time"),
@@ -324,7 +327,11 @@ class Meaning:
 
 def meaning(title: str) -> Meaning:
     """Read one title; its words are separated by case, digits and punctuation."""
-    spaced = re.sub(r"([a-z])([A-Z])", r"\1 \2", title)
+    title = title.replace("%", " pct ").replace("‰", " permille ")
+    # mA and mNm are one word, the A of an axis A1 is none.
+    whole = re.sub(r"(?<![a-zA-Z])m(A|Nm)(?![a-z])", lambda unit: unit[0].lower(), title)
+    whole = re.sub(r"(?<![a-zA-Z])A(?=\d)", "", whole)
+    spaced = re.sub(r"([a-z])([A-Z])|([A-Z])([A-Z][a-z])", r"\1\3 \2\4", whole)
     words = [w for w in re.split(r"[^a-zA-Zµ]+", spaced.lower()) if w]
     digits = re.findall(r"\d{1,9}(?!\d)", title)
     kind = next((k for k, known in KINDS.items() if set(words) & set(known)), "")

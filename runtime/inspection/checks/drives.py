@@ -135,6 +135,8 @@ def delay_of_measured(
 ) -> list[Finding]:
     """Delay of τ behind q: a warning where it is to be corrected, and the estimate in any case."""
     reach, step = min(LONGEST_S, SHARE * recording.duration), 1.0 / recording.rate_hz
+    if not has_gains and ROTOR.name not in terms.columns:  # currents of motors drive their rotors
+        terms = replace(terms, columns=(*terms.columns, ROTOR.name))
     seen = recorded_delay(recording, lib, plan.preparation, terms, reach, has_gains=has_gains)
     late, sigma, gain = seen.delay_s, seen.sigma, seen.gain
     finding, within = _delay(seen, "measured", " to estimate it")

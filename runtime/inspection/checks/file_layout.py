@@ -15,6 +15,7 @@ from typing import Any
 
 from runtime.errors import RecordingError
 from runtime.inspection.checks.columns import (
+    RATED,
     SI,
     ColumnBlock,
     Meaning,
@@ -87,6 +88,19 @@ def _by_content(blocks: tuple[ColumnBlock, ...]) -> Finding:
     return Finding("columns_by_content", WARNING, sentence, {"table": rows})
 
 
+def _clock_by_content(signals: Group) -> list[Finding]:
+    """The clock of a file whose titles name other signals but no time."""
+    part = signals["time"][0]
+    if "blocks" not in part or "blocks" in signals["position"][0]:
+        return []
+    (clock,) = (each for each in part["blocks"] if each.kind == "time")
+    sentence = (
+        f"no title names a time: the column '{part['where']['column']}', which {clock.reason}, is "
+        f"taken for the time in {clock.unit}; correct it under [time] of the recipe if it is not"
+    )
+    return [Finding("clock_by_content", WARNING, sentence)]
+
+
 def _incomplete(kind: str, part: dict, joints: int) -> Finding:
     first, *others = part["where"]["columns"]
     count = f"{len(others) + 1} columns ({first} … {others[-1]})" if others else "one column"
@@ -139,6 +153,7 @@ def _recipe(
     time = _NO_CLOCK
     if signals.get("time"):
         where, _ = run_of(signals["time"])
+        findings += _clock_by_content(signals)
         time = Time(unit=signals["time"][0]["unit"] or "s", from_zero=True, **where)
     elif rate_hz is not None:
         time = Time(rate_hz=rate_hz)
@@ -175,7 +190,16 @@ def _unit_of(kind: str, part: dict) -> tuple[dict[str, Any], list[Finding]]:
     """Unit of a signal, with a finding where the name says current and nothing states the unit."""
     unit = part["unit"]
     if unit in {"A", "mA"}:
-        return {"unit": "A", "gain": 1.0}, []
+        return {"unit": unit}, []
+    if unit == RATED:
+        sentence = (
+            f"'{part['title']}' states a share of a rated torque or current that the file does not "
+            "contain: a current in A with unknown gains is proposed, which identify estimates; "
+            'where the rated torques are known, write unit = "N*m" and as gain the torque of one '
+            "unit at every joint under [torque] of the recipe"
+        )
+        evidence = {"title": part["title"]}
+        return {"unit": "A"}, [Finding("current_unit", WARNING, sentence, evidence)]
     names = (part["where"]["file"], part["title"])
     name = next((name for name in names if _CURRENT.search(name.lower())), "")
     if kind != "torque" or unit or not name:
@@ -282,6 +306,9 @@ def _texts(reader: LogReader, file_name: str, names: tuple[str, ...]) -> Iterabl
         yield from _recognised(blocks, file_name, path.name, header)
     elif header is not None:
         yield from titled
+        if not file_name and len(set(header)) == width and "time" not in {k for k, _ in titled}:
+            seen = _recognised(_blocks(reader, kept, joints), file_name, path.name, header)
+            yield from (part for part in seen if part[0] == "time")
     elif width == joints and file.kind:
         yield (
             file.kind,

@@ -20,6 +20,7 @@ from runtime.recording import Friction, Preparation, Recipe, Recording
 from runtime.recording.friction.columns import ROTOR
 from runtime.recording.friction.coupled_motors import spread
 from runtime.recording.preprocessing import prepare
+from runtime.recording.recipes.recipe import CURRENT
 from runtime.recording.rest_speeds import rest_speeds
 
 EPSILON = 0.05
@@ -123,14 +124,15 @@ def scale(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]
     """Unit and gains of τ, from the slopes of the joints that gravity or inertia load."""
     slopes, is_used = slopes_to_model(torque_rows)
     if plan.torque is None or not is_used.any():
-        return plan, [] if plan.torque is None or plan.torque.unit == "A" else _beyond(torque_rows)
+        has_unit = plan.torque is None or plan.torque_source == CURRENT
+        return plan, [] if has_unit else _beyond(torque_rows)
     size = np.abs(slopes)
     middle = float(np.median(size[is_used]))
     evidence = {"slopes": [float(s) if k else None for s, k in zip(slopes, is_used, strict=True)]}
     factors = ", ".join(f"{s:.3g}" if k else "?" for s, k in zip(slopes, is_used, strict=True))
     spread = float(size[is_used].max() / size[is_used].min())
     # In amperes by its title, without a gain.
-    is_unscaled = plan.torque is not None and plan.torque.unit == "A" and plan.torque.gain == 1.0
+    is_unscaled = plan.torque_source == CURRENT and plan.torque.gain == 1.0
     if USUAL[0] <= middle <= USUAL[1] and spread < 4.0 and not is_unscaled:
         return plan, []
     if 400.0 <= middle <= 2500.0 and spread < 3.0 and plan.torque.unit == "N*m":
@@ -148,7 +150,7 @@ def scale(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]
     before = np.broadcast_to(np.asarray(plan.torque.gain or 1.0, dtype=float), size.shape)
     torque = replace(
         plan.torque,
-        unit="A",
+        unit=plan.torque.unit if plan.torque_source == CURRENT else "A",
         gain=tuple(float(f"{g * b:.4g}") for g, b in zip(gains, before, strict=True)),
     )
     sentence = (

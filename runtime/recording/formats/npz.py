@@ -7,7 +7,8 @@ member: each block would be read, and hashed by CRC-32, from the beginning of it
 import io
 import sys
 import zipfile
-from collections.abc import Mapping
+import zlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, TypeVar
@@ -122,6 +123,21 @@ class _Array:
     width: int
 
 
+def texts_in_place(path: Path, keys: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Small arrays of texts of an NPZ that is not read as a whole."""
+    content = io.BytesIO()
+    try:
+        with zipfile.ZipFile(path) as archive, zipfile.ZipFile(content, "w") as copied:
+            for member in archive.infolist():
+                name = member.filename
+                if name.removesuffix(".npy") in keys and member.file_size < SLACK:
+                    copied.writestr(name, archive.read(name))
+    except (OSError, ValueError, zipfile.BadZipFile, zlib.error) as error:
+        raise RecordingError(f"{path.name} is damaged ({error}); copy or export it again") from None
+    arrays = open_npz(content.getvalue(), path.name)
+    return {key: tuple(map(str, x.ravel())) for key, x in arrays.items() if x.dtype.kind == "U"}
+
+
 class NpzRows:
     """Arrays of an NPZ that `numpy.savez` has written, read where they lie.
 
@@ -173,8 +189,9 @@ class NpzRows:
         if array is None:
             raise RecordingError(
                 f"{self.path.name}: the array {key!r} cannot be read row by row (it is compressed, "
-                "or not a matrix of numbers); write it by numpy.savez with samples as rows, or as "
-                "Parquet, or read the log as a whole with --settings stream=false"
+                "in Fortran order, or not a matrix of numbers); write numpy.ascontiguousarray of "
+                "it by numpy.savez with samples as rows, or Parquet, or read the log as a whole "
+                "with --settings stream=false"
             )
         return array
 

@@ -19,13 +19,13 @@ from runtime.recording.formats.log_format import (
     LogRows,
     require_whole_columns,
 )
-from runtime.recording.formats.npz import NpzRows, npz_table, open_npz
+from runtime.recording.formats.npz import NpzRows, npz_table, open_npz, texts_in_place
 from runtime.recording.formats.tables import LogTable, picked
 from runtime.recording.recipes.default_convention import arrays_convention, unread_arrays
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 from runtime.recording.recording import SIGNALS, Recording
 
-_TEXTS = ("name", "joint_names", "column_names", "history")
+_TEXTS: tuple[str, ...] = ("name", "joint_names", "column_names", "history")
 
 
 class NpzReader(LogReader):
@@ -64,14 +64,21 @@ class NpzReader(LogReader):
 
     def extras(self) -> Extras:
         """Names, history, friction columns and motors of an NPZ by `write_recording`."""
-        if self.raw.in_place or self.raw.recipe.position is not None:
-            return Extras()
+        recipe, wanted = self.raw.recipe, _TEXTS
+        if recipe.position is not None:
+            parts = recipe.signals().values()
+            is_picked = recipe.joints or any(part.order or part.columns for part in parts)
+            wanted = () if is_picked or recipe.position.file else ("joint_names",)
+        if self.raw.in_place:
+            return Extras(texts_in_place(self.raw.hashed(), ("joint_names",) if wanted else ()))
         arrays = self._content
         texts = {
             key: tuple(map(str, arrays[key].ravel()))
-            for key in _TEXTS
+            for key in wanted
             if key in arrays and arrays[key].dtype.kind == "U" and arrays[key].size
         }
+        if recipe.position is not None:
+            return Extras(texts)
         columns, motors = arrays.get("columns"), arrays.get("motors")
         table = None
         if columns is not None and columns.ndim == 3:

@@ -17,7 +17,7 @@ positions and velocities have unit, order, sign and gear of the measured ones.
 """
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite, pi
 
@@ -220,6 +220,16 @@ class ControlLaw:
         values = {key: getattr(self, key) for key in NUMBERS}
         return {key: None if isinstance(value, str) else value for key, value in values.items()}
 
+    def reordered(self, places: Iterable[int]) -> "ControlLaw":
+        """The law of the joints at these places of its present order."""
+        joints = list(places)
+        of_joints = {
+            key: tuple(value[k] for k in joints)
+            for key, value in self.numbers.items()
+            if isinstance(value, tuple)
+        }
+        return replace(self, **of_joints)  # type: ignore[arg-type]
+
     @property
     def needs_velocity(self) -> bool:
         """Whether kd is anything but zero."""
@@ -319,6 +329,20 @@ class Recipe:
         """Signals of the recipe by kind."""
         kinds = {name: getattr(self, name) for name in UNITS if name != "time"}
         return {kind: signal for kind, signal in kinds.items() if signal is not None}
+
+    def reordered(self, places: Sequence[int], joints: tuple[str, ...]) -> "Recipe":
+        """The recipe of some joints in another order.
+
+        Args:
+            places: of the joints in the present order.
+            joints: their names.
+
+        Returns:
+            The recipe whose signals and law are in that order.
+        """
+        parts = {kind: signal.reordered(places) for kind, signal in self.signals().items()}
+        law = None if self.law is None else self.law.reordered(places)
+        return self.replace(joints=joints, law=law, **parts)
 
     def of_law(self) -> dict[str, Signal]:
         """Signals of the control law by kind; none without a law."""

@@ -157,6 +157,40 @@ def test_a_unit_in_brackets_names_the_signal(title: str, kind: str, unit: str) -
     assert (read.kind, read.unit) == (kind, unit)
 
 
+@pytest.mark.parametrize(
+    ("title", "kind", "unit"),
+    [
+        ("motor_current_1_mA", "torque", "mA"),
+        ("torque_1_mNm", "torque", "mN*m"),
+        ("J1_trq_Nm", "torque", "N*m"),
+        ("GearTorque.A1", "torque", ""),
+        ("AIPos.A1", "position", ""),
+        ("J1_vel_dps", "velocity", "deg/s"),
+        ("ActTorque_J1_pct", "torque", "rated"),
+        ("Torque J1 [%]", "torque", "rated"),
+    ],
+)
+def test_units_and_words_of_makers(title: str, kind: str, unit: str) -> None:
+    """Property: mA is no A, an axis A1 no ampere, and per cent no N·m."""
+    read = meaning(title)
+    assert (read.kind, read.unit) == (kind, unit)
+
+
+def test_a_share_of_a_rated_torque_has_unknown_gains(clean, tmp_path) -> None:
+    """Property: per cent are read as currents; a clock without a known word by its content."""
+    titles = ["IPOC", *(f"AIPos.A{k}" for k in range(7)), *(f"Torque J{k} [%]" for k in range(7))]
+    rows = np.column_stack([4e6 + 1e3 * clean.t, clean.q, clean.tau])
+    np.savetxt(tmp_path / "log.csv", rows, "%.17g", ",", header=",".join(titles), comments="")
+    plan, findings = draft(tmp_path / "log.csv", ("",) * 7)
+    assert plan is not None
+    assert plan.time is not None
+    assert (plan.time.column, plan.time.unit) == ("IPOC", "ms")
+    assert plan.has_unknown_gains
+    rated, clock = findings
+    assert (rated.kind, clock.kind) == ("current_unit", "clock_by_content")
+    assert "share of a rated torque" in rated.sentence
+
+
 def test_a_title_of_5000_digits_is_read() -> None:
     """Property: Python converts no text of more than 4300 digits."""
     assert meaning("q" + "1" * 5000).kind == "position"

@@ -7,13 +7,24 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from runtime import load
 from runtime.inspection import INFO, Inspection, inspect_log, recipe_text
+from runtime.inspection.checks.drives import delay_of_measured
 from runtime.inspection.checks.signals import constant_velocity
 from runtime.library import Library
-from runtime.recording import Recipe, Recording
+from runtime.recording import Friction, Recipe, Recording
+from runtime.recording.friction.model import columns
 from runtime.recording.preprocessing.segments import differentiate
 from runtime.recording.recipes.recipe import ControlLaw, Signal, Time
+from runtime.recording.settings import JointMotion
 from tests.runtime.servo_logs import random_servo, servo_arrays
+
+CURRENTS = (
+    '[time]\nlayout = "npz"\nkey = "t"\nunit = "s"\n'
+    '[position]\nlayout = "npz"\nkey = "q"\nunit = "rad"\n'
+    '[velocity]\nlayout = "npz"\nkey = "dq"\nunit = "rad/s"\n'
+    '[torque]\nlayout = "npz"\nkey = "tau"\nunit = "A"\n'
+)
 
 
 def warned(inspection: Inspection) -> set[str]:
@@ -52,18 +63,37 @@ def test_currents_whose_gains_differ_in_sign_are_explained(
     gains = np.array([0.5, -15.0, 4.0, -9.0, 20.0, -6.0, 12.0])
     rng = np.random.default_rng(1)
     current = tau / gains + 1e-3 * rng.normal(size=tau.shape)
-    recipe = (
-        '[time]\nlayout = "npz"\nkey = "t"\nunit = "s"\n'
-        '[position]\nlayout = "npz"\nkey = "q"\nunit = "rad"\n'
-        '[velocity]\nlayout = "npz"\nkey = "dq"\nunit = "rad/s"\n'
-        '[torque]\nlayout = "npz"\nkey = "tau"\nunit = "A"\n'
-    )
-    (tmp_path / "currents.toml").write_text(recipe)
+    (tmp_path / "currents.toml").write_text(CURRENTS)
     log = saved(full, q=q, dq=full.dq * moves, tau=current)
     result = inspect_log(log, lib, tmp_path / "currents.toml")
     assert not warned(result) & {"unexplained", "tool", "gear_coupling", "torque_gain"}
     assert "current_gains" in {finding.kind for finding in result.findings}
     assert "little_torque" not in {finding.kind for finding in result.findings}
+
+
+def test_rotors_of_currents_are_no_delay() -> None:
+    """Property: currents of an industrial arm carry rotors and friction with a memory, no delay."""
+    lib, rng = load("ur5e"), np.random.default_rng(0)
+    t, w = np.arange(0, 20, 0.01), 0.2 * np.pi * np.arange(1, 6)
+    a, angle = rng.normal(size=(6, 5)), t[:, None, None] * w + rng.uniform(0, 7, (6, 5))
+    dq = (a * np.cos(angle)).sum(axis=2)
+    s = 2.0 / np.abs(dq).max(axis=0)
+    q, dq, ddq = (
+        s * (a / w * np.sin(angle)).sum(axis=2),
+        s * dq,
+        s * (-a * w * np.sin(angle)).sum(2),
+    )
+    z = columns(JointMotion(dq, q), Friction(("dahl",), dahl_stroke=4e-3))[..., 0]
+    drive = np.array([150.0, 150.0, 150.0, 28.0, 28.0, 28.0])
+    dry = 0.04 * (1 + 0.3 * np.exp(-((dq / 0.08) ** 2))) * z
+    tau = drive * (0.004 * ddq + 0.03 * dq + dry + 0.003 * rng.normal(size=q.shape))
+    tau += lib.inverse_dynamics(q, dq, ddq, lib.pi0)
+    found = delay_of_measured(
+        Recording(t=t, q=q, dq=dq, tau=tau / 10), lib, Recipe(), Friction(), has_gains=False
+    )
+    assert [each.kind for each in found] == ["delay"], found[0].sentence
+    low, high = found[0].evidence["interval_s"]
+    assert low <= 0.0 <= high
 
 
 def test_joints_at_rest_are_no_exact_model(lib: Library, clean: Recording, saved) -> None:

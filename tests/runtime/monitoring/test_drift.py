@@ -11,6 +11,7 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from runtime import Recording, write_recording
+from runtime.errors import IdentificationError
 from runtime.estimators.regression.model_error import SHAPES
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
@@ -40,6 +41,7 @@ from runtime.monitoring.scores import (
     changes_of,
     expected,
     scores_of,
+    usual_of,
 )
 from runtime.recording import Friction, Preparation
 from runtime.recording.preprocessing import prepare
@@ -520,3 +522,18 @@ def test_a_low_pass_in_the_band_of_the_motion_does_not_make_a_simulation(
     baseline = baseline_of(lib, saved, root, sigma, read_test_rows(tmp_path, model))
     verdict = verdict_of(lib, baseline, prepare(logs[1], steps, terms, lib=lib))
     assert verdict.changed == changes, verdict.sentence()
+
+
+def test_references_far_from_the_model_are_refused() -> None:
+    """Property: a sentence where the search for the usual change leaves the range of numbers."""
+    rng = np.random.default_rng(1)
+    changes = Changes((("clock", ""),), np.ones(1), (("ms", 1e3),), np.zeros(0))
+    logs = [
+        Scores(
+            1e10 * rng.normal(size=4), rng.normal(size=(4, 1)), 1e-3 * rng.normal(size=(4, 2)),
+            np.zeros((4, 0)), 1e-6 * np.eye(4), 1.0, 10, 100.0,
+        )
+        for _ in range(3)
+    ]  # fmt: skip
+    with pytest.raises(IdentificationError, match="so far from the model"):
+        usual_of(changes, 2, [], logs)

@@ -1,14 +1,17 @@
 """Joints of a log whose names differ from those of the robot in a prefix."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from runtime.errors import IdentificationError
 from runtime.inspection import inspect_log
 from runtime.library import Library
 from runtime.recording import read_recording
-from runtime.recording.coupled_joints import independent_joints, renamed_joints
+from runtime.recording.coupled_joints import in_order_of, independent_joints, renamed_joints
+from runtime.recording.streamed import open_streamed
 from tests.runtime.diagnosis import EXAMPLE
 
 FR3 = tuple(f"fr3_joint{k}" for k in range(1, 4))
@@ -55,3 +58,65 @@ def test_arrays_are_taken_by_their_names(lib: Library, tmp_path: Path, more: int
     if not more:
         found = inspect_log(tmp_path / "log.npz", lib)
         assert not [each for each in found.findings if each.level == "error"]
+
+
+@pytest.mark.parametrize("kind", ["law", "currents"])
+def test_commands_and_currents_are_taken_by_their_names(
+    lib: Library, tmp_path: Path, kind: str
+) -> None:
+    """Oracle: the torque of the log in the order of the robot; the file has it reversed."""
+    right = read_recording(EXAMPLE)
+    kp = np.linspace(100.0, 700.0, 7)
+    arrays = {"q": right.q, "dq": right.dq, "tau": right.tau}
+    if kind == "law":
+        arrays = {
+            "q": right.q,
+            "dq": right.dq,
+            "q_des": right.q + right.tau / kp,
+            "kp": kp,
+            "kd": 0 * kp,
+        }
+    turned = {key: values[..., ::-1] for key, values in arrays.items()}
+    names = np.array([f"fr3_joint{k}" for k in range(7, 0, -1)])
+    np.savez(tmp_path / "log.npz", t=right.t, **turned, joint_names=names)
+    recipe = None
+    if kind == "currents":
+        plan = inspect_log(tmp_path / "log.npz", lib).plan
+        torque, position = (
+            replace(plan.torque, unit="A", order=()),
+            replace(plan.position, order=()),
+        )
+        recipe = plan.replace(torque=torque, position=position, velocity=None, joints=tuple(names))
+    log = independent_joints(read_recording(tmp_path / "log.npz", recipe), lib)
+    np.testing.assert_allclose(log.q, right.q)
+    np.testing.assert_allclose(log.tau, right.tau, atol=1e-9)
+    if log.law is not None:
+        np.testing.assert_allclose(log.law.kp, kp)
+        proposed = inspect_log(tmp_path / "log.npz", lib).plan
+        again = independent_joints(read_recording(tmp_path / "log.npz", proposed), lib)
+        np.testing.assert_allclose(again.tau, right.tau, atol=1e-9)
+
+
+@pytest.mark.parametrize("has_recipe", [True, False])
+def test_arrays_that_stay_in_their_file_are_taken_by_their_names(
+    lib: Library, tmp_path: Path, has_recipe: bool
+) -> None:
+    """Oracle: the log in the order of the robot, also with a recipe that names no order."""
+    right = read_recording(EXAMPLE)
+    turned = {key: getattr(right, key)[:, ::-1].copy() for key in ("q", "dq", "tau")}
+    names = np.array([f"fr3_joint{k}" for k in range(7, 0, -1)])
+    np.savez(tmp_path / "log.npz", t=right.t, **turned, joint_names=names)
+    recipe = None
+    if has_recipe:
+        plan = inspect_log(tmp_path / "log.npz", lib).plan
+        parts = {kind: replace(part, order=()) for kind, part in plan.signals().items()}
+        recipe = plan.replace(joints=(), **parts)
+    block = in_order_of(lib, open_streamed(tmp_path / "log.npz", recipe)).block(0, 100)
+    whole = independent_joints(read_recording(tmp_path / "log.npz", recipe), lib)
+    for key in turned:
+        np.testing.assert_array_equal(getattr(block, key), getattr(right, key)[:100])
+        np.testing.assert_array_equal(getattr(whole, key), getattr(right, key))
+    more = {key: np.hstack([x, x[:, :1]]) for key, x in turned.items()}
+    np.savez(tmp_path / "log.npz", t=right.t, **more, joint_names=np.append(names, "finger"))
+    with pytest.raises(IdentificationError, match="contains more joints than 'fr3'"):
+        in_order_of(lib, open_streamed(tmp_path / "log.npz"))

@@ -367,7 +367,7 @@ def test_the_joint_with_the_least_noise_determines_the_delay(double: Library) ->
         rows[..., 0], rate[:, None] * np.ones(2), None, 0 * noise, np.zeros((2000, 2, 0))
     )
     slopes = rate[:, None, None] * np.ones((1, 2, 1)) * [1.0, 0.0]
-    fit = _Fit(double, samples, rows, slopes, torque, 0.0, np.ones((2000, 2)), True)
+    fit = _Fit(double, samples, rows, slopes, torque, 0.0, np.ones((2000, 2)))
     profile = fit.profile(late + expected * np.linspace(-8, 8, 81))
     assert abs(profile.best - late) < 4 * expected
     assert profile.sigma == pytest.approx(expected, rel=0.3)

@@ -1,5 +1,7 @@
 """Covariance of a payload from the arm's model, and the weight of the prior, by direct algebra."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -62,3 +64,11 @@ def test_the_prior_weighs_one_sample_in_every_pass(ideal_runs, lib, arm, monkeyp
     run = ideal_runs[0]
     identify_payload(run.replace(tau=run.tau + noise), lib, arm=arm, kappa=0.01)
     np.testing.assert_allclose(weights[1:-1], 0.01, rtol=0.05)
+
+
+@pytest.mark.parametrize("is_identified", [True, False])
+def test_a_model_that_was_given_is_not_advised(arm, is_identified):
+    """Property: the note on the arm's error advises a model only where none was identified."""
+    known = replace(arm, root=np.eye(3) if is_identified else None)
+    (note,) = (each for each in module.notes_of((), 0.5, known, False, 0.0) if "50 % of" in each)
+    assert ("identified on the empty arm" in note) != is_identified

@@ -57,6 +57,8 @@ COMMANDED = {
     *("d", "des", "desired", "target", "cmd", "command", "commanded", "ref", "reference", "set"),
     *("setpoint", "goal", "gen", "model", "sim", "computed", "expected", "nominal"),
 }
+OF_TIP = {"tcp", "cartesian", "eef", "flange"}
+"""Words of signals in space, such as actual_TCP_speed: they are none of the joints."""
 RATED = "rated"
 """Unit of a torque that is stated as a share of the rated one of a joint."""
 UNIT_WORDS: dict[str, dict[str, str]] = {
@@ -334,8 +336,9 @@ def meaning(title: str) -> Meaning:
     spaced = re.sub(r"([a-z])([A-Z])|([A-Z])([A-Z][a-z])", r"\1\3 \2\4", whole)
     words = [w for w in re.split(r"[^a-zA-Zµ]+", spaced.lower()) if w]
     digits = re.findall(r"\d{1,9}(?!\d)", title)
-    kind = next((k for k, known in KINDS.items() if set(words) & set(known)), "")
-    if not kind and (stated := re.search(r"[\[(]\s*([^\])]+?)\s*[\])]", title)):
+    of_joints = [] if OF_TIP & set(words) else KINDS.items()
+    kind = next((k for k, known in of_joints if set(words) & set(known)), "")
+    if of_joints and not kind and (stated := re.search(r"[\[(]\s*([^\])]+?)\s*[\])]", title)):
         kind = KIND_OF_UNIT.get(re.sub(r"[\s.*·⋅]", "", stated[1].lower()), "")
     units = UNIT_WORDS.get(kind, {})
     bracket = re.search(r"[\[(]\s*([a-zA-Zµ.*·⋅]+)", title)

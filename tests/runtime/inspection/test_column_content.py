@@ -168,6 +168,8 @@ def test_a_unit_in_brackets_names_the_signal(title: str, kind: str, unit: str) -
         ("J1_vel_dps", "velocity", "deg/s"),
         ("ActTorque_J1_pct", "torque", "rated"),
         ("Torque J1 [%]", "torque", "rated"),
+        ("actual_TCP_speed_0", "", ""),
+        ("TCP speed 0 [rad/s]", "", ""),
     ],
 )
 def test_units_and_words_of_makers(title: str, kind: str, unit: str) -> None:

@@ -332,7 +332,7 @@ def meaning(title: str) -> Meaning:
     title = title.replace("%", " pct ").replace("‰", " permille ")
     # mA and mNm are one word, the A of an axis A1 is none.
     whole = re.sub(r"(?<![a-zA-Z])m(A|Nm)(?![a-z])", lambda unit: unit[0].lower(), title)
-    whole = re.sub(r"(?<![a-zA-Z])A(?=\d)", "", whole)
+    whole = re.sub(r"(?<![a-zA-Z])[aA](?=\d)", "", whole)
     spaced = re.sub(r"([a-z])([A-Z])|([A-Z])([A-Z][a-z])", r"\1\3 \2\4", whole)
     words = [w for w in re.split(r"[^a-zA-Zµ]+", spaced.lower()) if w]
     digits = re.findall(r"\d{1,9}(?!\d)", title)

@@ -81,8 +81,8 @@ def _by_content(blocks: tuple[ColumnBlock, ...]) -> Finding:
         if each.kind
     )
     sentence = (
-        "the file has no header whose words are known; its columns, counted from 0, were assigned "
-        "by their content: "
+        "the file has no titles that name the signals of all joints; its columns, counted from 0, "
+        "were assigned by their content: "
         f"{spans}; check them, and correct them in the recipe that --recipe-out writes"
     )
     return Finding("columns_by_content", WARNING, sentence, {"table": rows})
@@ -367,10 +367,12 @@ def _recognised(
         if block.kind == "time":
             where = {"column": columns[0]}
         if block.kind:
-            in_brackets = header and re.search(r"[\[(]", str(columns[0]))  # A1 is no current
-            stated = meaning(f"{block.kind} {columns[0]}").unit if in_brackets else ""
-            what = Meaning("", -1, True, stated or block.unit)
+            units = tuple(meaning(f"{block.kind} {title}").unit for title in columns if header)
+            stated = units[:1] if len({*units}) < 2 else ()
+            what = Meaning("", -1, True, "".join(stated) or block.unit)
             part = _part(what, file_name, f"{name}: column {first}", layout="csv", **where)
+            if all(units) and not stated:  # a slide in mm beside hinges in degrees
+                part["unit"] = units
             yield block.kind, part | {"blocks": blocks}
 
 

@@ -193,6 +193,19 @@ def test_a_share_of_a_rated_torque_has_unknown_gains(clean, tmp_path) -> None:
     assert "share of a rated torque" in rated.sentence
 
 
+def test_every_joint_has_the_unit_of_its_title(clean, tmp_path) -> None:
+    """Property: a slide in mm beside hinges in degrees, of titles that are read by content."""
+    units = ["deg", "deg", "mm", "deg", "deg", "deg", "deg"]
+    titles = ["clock_s", *(f"arm{k}_position_{unit}" for k, unit in enumerate(units))]
+    titles += [f"arm{k}_effort" for k in range(7)]
+    rows = np.column_stack([clean.t, clean.q, clean.tau])
+    np.savetxt(tmp_path / "log.csv", rows, "%.17g", ",", header=",".join(titles), comments="")
+    plan, _ = draft(tmp_path / "log.csv", ("",) * 7)
+    assert plan is not None
+    assert plan.position is not None
+    assert plan.position.units == tuple(units)
+
+
 def test_a_title_of_5000_digits_is_read() -> None:
     """Property: Python converts no text of more than 4300 digits."""
     assert meaning("q" + "1" * 5000).kind == "position"

@@ -20,7 +20,7 @@ EXAMPLE = Path(runtime.__file__).parent / "examples" / "fr3_simulated.npz"
     ("words", "sentence"),
     [
         (("--methods", "map,magic"), "--methods needs names with commas of map, adam"),
-        (("--settings", "split=0.9"), "--split needs 2 numbers"),
+        (("--settings", "split=0.5,0.7,0.9"), "--split needs 2 numbers"),
         (
             ("--settings", "truth=no.json"),
             "expected a JSON with 70 numbers 'pi' of 'fr3', as simulate writes it, got 'no.json'",

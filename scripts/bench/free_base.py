@@ -16,13 +16,12 @@ import numpy as np
 
 from bench.front import Sheet, sheet_of
 from bench.same_results_inputs import DRIVER_HZ, icub_arrays
+from runtime import Settings, identify
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.free_base import drives
 from runtime.identification.free_base.identify import identify_free_base
 from runtime.identification.free_base.result import FreeBaseIdentification
-from runtime.identification.identify import identify
 from runtime.identification.result_record import VerticalForcePart
-from runtime.identification.settings import Settings
 from runtime.library import Array, Library, load, to_pinocchio_order
 from runtime.library.parameters import FIRST_MOMENT, MASS, links
 from runtime.recording.formats.npz import open_npz
@@ -153,9 +152,8 @@ def walking(data: Path, folder: Path) -> Sheet:
     recording = free_base_of(arrays, "walking.npz")
 
     def identified(read: FreeBaseRecording, cutoff: float = DRIVER_HZ) -> FreeBaseIdentification:
-        return identify_free_base(
-            read, lib, Settings(rows="base", cutoff=cutoff, split=HALF), trim_s=TRIM_S
-        )
+        settings = Settings(rows="base", cutoff=cutoff, split=HALF)
+        return identify_free_base(read, lib, settings, trim_s=TRIM_S)
 
     result = identified(recording)
     without = []

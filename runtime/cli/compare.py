@@ -7,13 +7,7 @@ from typing import Any
 from runtime.cli.common import ResultFolder, counting, listed, open_robot, require_page, state
 from runtime.cli.log_options import FitChoices, Log, inputs_of, split_of
 from runtime.cli.shown_progress import shown_progress
-from runtime.common.settings import (
-    argument_field,
-    choices_of,
-    method_field,
-    model_field,
-    output_field,
-)
+from runtime.common.settings import argument_field, method_field, model_field, output_field
 from runtime.common.tables import Table
 from runtime.common.terminal import VERBOSE, command_line, completing, say, say_notes, show
 from runtime.errors import IdentificationError
@@ -149,8 +143,7 @@ def compare_command(given: CompareSettings) -> None:
 
 def _compare_results(given: CompareSettings, other: Path) -> None:
     taken = {"log", "other", "out", "overwrite"}
-    choices = (each for each in choices_of(CompareSettings) if each.name not in taken)
-    if wrong := [c.written() for c in choices if getattr(given, c.name) != c.default]:
+    if wrong := given.stated_beyond(taken):
         raise IdentificationError(
             f"two results are compared as they are, and {', '.join(wrong)} would change a fit; "
             "leave it out, or give a log in place of the results"

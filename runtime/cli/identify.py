@@ -289,7 +289,7 @@ OF_WALK = (
 
 def _identify_walk(lib: Library, given: IdentifySettings, settings: Settings) -> None:
     """Identify a robot with a free base, write the result and print it."""
-    unused = [option for name, option in given.stated().items() if name not in OF_WALK]
+    unused = given.stated_beyond(OF_WALK)
     if unused:
         raise IdentificationError(
             f"{unused[0]} does not apply to a robot with a free base; leave it out"

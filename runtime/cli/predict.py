@@ -180,7 +180,7 @@ OF_WALK = ("trajectory", "robot", "yes", "friction", "cutoff", "more", "as_json"
 
 def _predict_walk(lib: Library, given: PredictSettings) -> None:
     """Print the accuracy that `identify` reaches with a log of a robot with a free base."""
-    unused = [option for name, option in given.stated().items() if name not in OF_WALK]
+    unused = given.stated_beyond(OF_WALK)
     if unused or given.more not in {None, SAME}:
         raise IdentificationError(
             f"{unused[0] if unused else '--more with another log'} does not apply to a robot with "

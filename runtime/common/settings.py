@@ -19,7 +19,7 @@ of an option.
 
 import inspect
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from enum import Enum
 from functools import partial
@@ -89,6 +89,10 @@ class Choices:
             if value != choice.default and value is not None and value != []:
                 given[choice.name] = choice.written(value)
         return given
+
+    def stated_beyond(self, names: Collection[str]) -> list[str]:
+        """How the choices that are stated and not among some names are written."""
+        return [written for name, written in self.stated().items() if name not in names]
 
     def write(self, result: Path) -> Path:
         """Write the complete record beside a result, a folder or a file."""

@@ -11,11 +11,9 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from runtime import Recording, write_recording
-from runtime.errors import IdentificationError
-from runtime.estimators.regression.model_error import SHAPES
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
-from runtime.identification.identified import torque_of
+from runtime.identification.identified import Identification, torque_of
 from runtime.identification.posterior_file import read_posterior
 from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import read_result
@@ -25,6 +23,7 @@ from runtime.monitoring import drift
 from runtime.monitoring.drift import (
     Change,
     Hypothesis,
+    Verdict,
     _ranked,
     _tested,
     baseline_of,
@@ -33,16 +32,7 @@ from runtime.monitoring.drift import (
 )
 from runtime.monitoring.model import model_of
 from runtime.monitoring.noise import read_held_out, read_test_rows
-from runtime.monitoring.scores import (
-    Changes,
-    Scores,
-    Usual,
-    _at_rest,
-    changes_of,
-    expected,
-    scores_of,
-    usual_of,
-)
+from runtime.monitoring.scores import Scores, changes_of, scores_of
 from runtime.recording import Friction, Preparation
 from runtime.recording.preprocessing import prepare
 from runtime.simulation import Plant, ideal
@@ -371,14 +361,6 @@ def test_what_a_log_does_not_determine_explains_nothing() -> None:
     assert _tested(tied, y, np.hstack([column, column]), 1e6, 50.0, 0.01).size is None
 
 
-def test_a_joint_at_rest_holds_a_torque_within_its_dry_friction() -> None:
-    """Oracle: rows of two of three times at rest; the third is short."""
-    t = np.arange(100) / 100
-    rests = np.zeros((100, 2), bool)
-    rests[:30, 1] = rests[40:45, 1] = rests[60:, 1] = True
-    assert _at_rest(t, rests) == [(1, slice(0, 30)), (1, slice(60, 100))]
-
-
 def test_a_p_value_counts_all_hypotheses_and_independent_samples(
     lib: Library, arm: Path, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray
 ) -> None:
@@ -404,17 +386,16 @@ def test_a_p_value_counts_all_hypotheses_and_independent_samples(
     assert len(log) / 30 < later.n_eff < len(log) / 8
 
 
-def test_other_shapes_are_relative_to_the_range_of_a_joint() -> None:
-    """Oracle: the scores of a nuisance of 0.3 % of a range of 20 N·m, by hand."""
-    shape = np.arange(2.0 * 2 * SHAPES).reshape(2, -1)
-    changes = Changes((("clock", ""),), np.ones(1), (("ms", 1e3),), np.array([5.0, 20.0]))
-    scores = Scores(np.zeros(2), np.ones((2, 1)), np.ones((2, 1)), shape, np.eye(2), 1.0, 9, 99.0)
-    mean = np.zeros(2 + 2 * SHAPES)
-    mean[-1] = 0.003
-    usual = Usual(np.zeros(9), mean, np.zeros((len(mean), len(mean))), 20.0, 0)
-    found, spread = expected(changes, usual, scores)
-    np.testing.assert_allclose(found, 0.06 * shape[:, -1], rtol=1e-12)
-    np.testing.assert_array_equal(spread, np.eye(2))
+def verdict_beside(result: Identification, folder: Path, log: Recording) -> Verdict:
+    """Verdict on a later log by the held-out rows of a result."""
+    lib = result.lib
+    write_result(result, folder, "test")
+    saved = read_result(folder)
+    model = model_of(saved, lib)
+    sigma = np.sqrt(np.mean(read_held_out(folder, model).rest ** 2, axis=0))
+    root = read_posterior(folder, saved, lib).of_readings().root(lib)
+    baseline = baseline_of(lib, saved, root, sigma, read_test_rows(folder, model))
+    return verdict_of(lib, baseline, prepare(log, saved.preparation, result.friction, lib=lib))
 
 
 @pytest.mark.parametrize("stated", [True, False])
@@ -439,13 +420,7 @@ def test_a_delay_that_no_result_estimated_is_no_change(
     terms = Friction(("viscous", "coulomb", "offset"), 0.03)
     steps = Preparation(torque_delay_s=1e-9 if stated else None)
     result = identify_recording(logs[0], lib, friction=terms, preparation=steps)
-    write_result(result, tmp_path, "test")
-    saved = read_result(tmp_path)
-    model = model_of(saved, lib)
-    sigma = np.sqrt(np.mean(read_held_out(tmp_path, model).rest ** 2, axis=0))
-    root = read_posterior(tmp_path, saved, lib).of_readings().root(lib)
-    baseline = baseline_of(lib, saved, root, sigma, read_test_rows(tmp_path, model))
-    verdict = verdict_of(lib, baseline, prepare(logs[1], saved.preparation, terms, lib=lib))
+    verdict = verdict_beside(result, tmp_path, logs[1])
     assert verdict.changed == stated
     assert not stated or verdict.best.group == "clock"
 
@@ -514,26 +489,6 @@ def test_a_low_pass_in_the_band_of_the_motion_does_not_make_a_simulation(
         friction = {key: scale * value for key, value in FRICTION.items()}
         plant = Plant(pi_true, **friction, torque_noise=NOISE)
         logs.append(ideal(lib, trajectories[k], plant, rng=np.random.default_rng(k)))
-    write_result(identify_recording(logs[0], lib, friction=terms, preparation=steps), tmp_path, "")
-    saved = read_result(tmp_path)
-    model = model_of(saved, lib)
-    sigma = np.sqrt(np.mean(read_held_out(tmp_path, model).rest ** 2, axis=0))
-    root = read_posterior(tmp_path, saved, lib).of_readings().root(lib)
-    baseline = baseline_of(lib, saved, root, sigma, read_test_rows(tmp_path, model))
-    verdict = verdict_of(lib, baseline, prepare(logs[1], steps, terms, lib=lib))
+    result = identify_recording(logs[0], lib, friction=terms, preparation=steps)
+    verdict = verdict_beside(result, tmp_path, logs[1])
     assert verdict.changed == changes, verdict.sentence()
-
-
-def test_references_far_from_the_model_are_refused() -> None:
-    """Property: a sentence where the search for the usual change leaves the range of numbers."""
-    rng = np.random.default_rng(1)
-    changes = Changes((("clock", ""),), np.ones(1), (("ms", 1e3),), np.zeros(0))
-    logs = [
-        Scores(
-            1e10 * rng.normal(size=4), rng.normal(size=(4, 1)), 1e-3 * rng.normal(size=(4, 2)),
-            np.zeros((4, 0)), 1e-6 * np.eye(4), 1.0, 10, 100.0,
-        )
-        for _ in range(3)
-    ]  # fmt: skip
-    with pytest.raises(IdentificationError, match="so far from the model"):
-        usual_of(changes, 2, [], logs)

@@ -1,0 +1,44 @@
+"""Scores of a log: rests, torque of other shapes, and the usual change that references show."""
+
+import numpy as np
+import pytest
+
+from runtime.errors import IdentificationError
+from runtime.estimators.regression.model_error import SHAPES
+from runtime.monitoring.scores import Changes, Scores, Usual, _at_rest, expected, usual_of
+
+
+def test_a_joint_at_rest_holds_a_torque_within_its_dry_friction() -> None:
+    """Oracle: rows of two of three times at rest; the third is short."""
+    t = np.arange(100) / 100
+    rests = np.zeros((100, 2), bool)
+    rests[:30, 1] = rests[40:45, 1] = rests[60:, 1] = True
+    assert _at_rest(t, rests) == [(1, slice(0, 30)), (1, slice(60, 100))]
+
+
+def test_other_shapes_are_relative_to_the_range_of_a_joint() -> None:
+    """Oracle: the scores of a nuisance of 0.3 % of a range of 20 N·m, by hand."""
+    shape = np.arange(2.0 * 2 * SHAPES).reshape(2, -1)
+    changes = Changes((("clock", ""),), np.ones(1), (("ms", 1e3),), np.array([5.0, 20.0]))
+    scores = Scores(np.zeros(2), np.ones((2, 1)), np.ones((2, 1)), shape, np.eye(2), 1.0, 9, 99.0)
+    mean = np.zeros(2 + 2 * SHAPES)
+    mean[-1] = 0.003
+    usual = Usual(np.zeros(9), mean, np.zeros((len(mean), len(mean))), 20.0, 0)
+    found, spread = expected(changes, usual, scores)
+    np.testing.assert_allclose(found, 0.06 * shape[:, -1], rtol=1e-12)
+    np.testing.assert_array_equal(spread, np.eye(2))
+
+
+def test_references_far_from_the_model_are_refused() -> None:
+    """Property: a sentence where the search for the usual change leaves the range of numbers."""
+    rng = np.random.default_rng(1)
+    changes = Changes((("clock", ""),), np.ones(1), (("ms", 1e3),), np.zeros(0))
+    logs = [
+        Scores(
+            1e10 * rng.normal(size=4), rng.normal(size=(4, 1)), 1e-3 * rng.normal(size=(4, 2)),
+            np.zeros((4, 0)), 1e-6 * np.eye(4), 1.0, 10, 100.0,
+        )
+        for _ in range(3)
+    ]  # fmt: skip
+    with pytest.raises(IdentificationError, match="so far from the model"):
+        usual_of(changes, 2, [], logs)

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.library import Array, Library
-from runtime.library.parameters import inertia_entries, pi_from_parts
 
 STATES = 1000
 """Number of random states at which torques are compared."""
@@ -24,9 +23,6 @@ class Reloaded:
 
     engine: str  # name and version
     tau: Array  # (N, n) inverse dynamics at `random_states`, less damping and armature [N·m, N]
-    # (n, 10) its bodies; those fixed to each other are summed in the frame of the moving link [kg,
-    # kg·m, kg·m²]
-    pi: Array
     # damping, friction, armature: (n,) as read; None where the engine does not read it
     damping: Array | None = None
     friction: Array | None = None
@@ -42,10 +38,3 @@ def random_states(lib: Library, count: int = STATES) -> tuple[Array, Array, Arra
         lower, upper = ends
         q = (lower + upper) / 2 + (upper - lower) * q / (2 * np.pi)
     return q, dq, ddq
-
-
-def pi_of(P: Array) -> Array:
-    """Parameters π (10,) of a pseudo-inertia: m, m c, XX, YY, ZZ, XY, XZ, YZ about the origin."""
-    sigma = P[:3, :3]
-    inertia = np.trace(sigma) * np.eye(3) - sigma
-    return pi_from_parts(P[3, 3], P[:3, 3], inertia_entries(inertia))

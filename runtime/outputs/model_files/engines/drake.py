@@ -5,14 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from runtime.library import Array, Library
-from runtime.outputs.model_files.engines.answer import (
-    STATES,
-    Reloaded,
-    Unreadable,
-    pi_of,
-    random_states,
-)
+from runtime.library import Library
+from runtime.outputs.model_files.engines.answer import STATES, Reloaded, Unreadable, random_states
 
 INSTALL = "pip install 'symgen[export]'"
 
@@ -48,24 +42,4 @@ def reload(text: str, lib: Library, count: int = STATES) -> Reloaded | None:
         plant.CalcForceElementsContribution(context, forces)
         tau[k] = plant.CalcInverseDynamics(context, ddq, forces)[at]
     damping = np.array([joint.default_damping_vector()[0] for joint in joints])
-    return Reloaded(engine, tau - damping * states[1], _parameters(plant, lib), damping=damping)
-
-
-def _parameters(plant: Any, lib: Library) -> Array:
-    """π (n, 10) of the moving links with the bodies that are welded to them."""
-    context = plant.CreateDefaultContext()
-    P = np.zeros((lib.n_joints, 4, 4))
-    for k, name in enumerate(lib.link_names):
-        carrier = plant.GetBodyByName(name)
-        for body in plant.GetBodiesWeldedTo(carrier):
-            T = plant.CalcRelativeTransform(
-                context, carrier.body_frame(), body.body_frame()
-            ).GetAsMatrix4()
-            spatial = body.CalcSpatialInertiaInBodyFrame(context)
-            inertia = spatial.CalcRotationalInertia().CopyToFullMatrix3()
-            matter = np.empty((4, 4))
-            matter[:3, :3] = np.trace(inertia) / 2 * np.eye(3) - inertia
-            matter[:3, 3] = matter[3, :3] = spatial.get_mass() * spatial.get_com()
-            matter[3, 3] = spatial.get_mass()
-            P[k] += T @ matter @ T.T
-    return np.array([pi_of(each) for each in P])
+    return Reloaded(engine, tau - damping * states[1], damping=damping)

@@ -9,14 +9,7 @@ from typing import Any
 import numpy as np
 
 from runtime.library import Array, Library
-from runtime.outputs.model_files.engines.answer import (
-    STATES,
-    Reloaded,
-    Unreadable,
-    pi_of,
-    random_states,
-)
-from runtime.outputs.model_files.urdf_tree import RigidBody
+from runtime.outputs.model_files.engines.answer import STATES, Reloaded, Unreadable, random_states
 
 INSTALL = "pip install mujoco"
 CLOSED_STATES = 20
@@ -72,7 +65,6 @@ def reload(text: str, lib: Library, count: int = STATES) -> Reloaded | None:
     return Reloaded(
         f"MuJoCo {mujoco.__version__}",
         tau - damping * dq - armature * ddq,
-        _parameters(mujoco, model, lib),
         damping=damping,
         friction=friction,
         armature=armature,
@@ -104,30 +96,3 @@ def _require_equalities(
                 f"its equalities leave other motions: residual {residual:.1e}, slope {along:.1e}, "
                 f"rank {rank} instead of {model.nv - lib.n_joints}"
             )
-
-
-def _parameters(mujoco: Any, model: Any, lib: Library) -> Array:
-    """π (n, 10) of the moving links with the bodies that are welded to them."""
-    names = lib.all_joint_names
-    joint_body = {int(model.joint(name).bodyid[0]): k for k, name in enumerate(names)}
-    P = np.zeros((len(names), 4, 4))
-    for body in range(1, model.nbody):
-        carrier = int(model.body_weldid[body])
-        if carrier == 0:
-            continue
-        T, at = np.eye(4), body
-        while at != carrier:
-            T = _placement(mujoco, model.body_pos[at], model.body_quat[at]) @ T
-            at = int(model.body_parentid[at])
-        principal = _placement(mujoco, model.body_ipos[body], model.body_iquat[body])
-        inertia = principal[:3, :3] @ np.diag(model.body_inertia[body]) @ principal[:3, :3].T
-        matter = RigidBody(float(model.body_mass[body]), principal[:3, 3], inertia)
-        P[joint_body[carrier]] += T @ matter.pseudo_inertia @ T.T
-    return np.array([pi_of(each) for each in P])
-
-
-def _placement(mujoco: Any, position: Array, quaternion: Array) -> Array:
-    rotation, T = np.empty(9), np.eye(4)
-    mujoco.mju_quat2Mat(rotation, quaternion)
-    T[:3, :3], T[:3, 3] = rotation.reshape(3, 3), position
-    return T

@@ -9,7 +9,6 @@ from defusedxml.ElementTree import fromstring
 
 from runtime.library import Array, Library
 from runtime.library.free_base import FREEDOM
-from runtime.library.parameters import PI_NAMES, PINOCCHIO_NAMES
 from runtime.outputs.model_files.engines.answer import STATES, Reloaded, Unreadable, random_states
 
 INSTALL = "pip install pin"
@@ -40,13 +39,9 @@ def reload(text: str, lib: Library, count: int = STATES) -> Reloaded | None:
         raise Unreadable(f"expected the joints {listed}, got {read}")
     joints = [model.joints[model.getJointId(name)] for name in lib.all_joint_names]
     velocity = [model.joints[model.getJointId(name)].idx_v for name in lib.joint_names]
-    order = [PINOCCHIO_NAMES.index(name) for name in PI_NAMES]
-    bodies = [*([1] if lib.manifest.floating else []), *(joint.id for joint in joints)]
-    pi = [model.inertias[body].toDynamicParameters()[order] for body in bodies]
     return Reloaded(
         f"pinocchio {pinocchio.__version__}",
         _torques(pinocchio, model, lib, joints, count),
-        np.array(pi),
         damping=np.asarray(model.damping)[velocity],
         friction=np.asarray(model.friction)[velocity],
     )

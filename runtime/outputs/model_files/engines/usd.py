@@ -7,7 +7,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from runtime.library import Array
-from runtime.outputs.model_files.engines.answer import Unreadable, pi_of
+from runtime.library.parameters import inertia_entries, pi_from_parts
+from runtime.outputs.model_files.engines.answer import Unreadable
 from runtime.outputs.model_files.model import IdentifiedModel
 from runtime.outputs.model_files.urdf_tree import RigidBody
 
@@ -107,7 +108,14 @@ def reload(text: str, model: IdentifiedModel) -> ReloadedStage | None:
         if carrier is not None and body is not None:
             P[carrier] = P[carrier] + T @ body.pseudo_inertia @ T.T
     version = ".".join(map(str, Usd.GetVersion()))
-    return ReloadedStage(f"usd-core {version}", np.array([pi_of(P[k]) for k in P]), joints, stage)
+    return ReloadedStage(f"usd-core {version}", np.array([_pi_of(P[k]) for k in P]), joints, stage)
+
+
+def _pi_of(P: Array) -> Array:
+    """Parameters π (10,) of a pseudo-inertia: m, m c, XX, YY, ZZ, XY, XZ, YZ about the origin."""
+    sigma = P[:3, :3]
+    inertia = np.trace(sigma) * np.eye(3) - sigma
+    return pi_from_parts(P[3, 3], P[:3, 3], inertia_entries(inertia))
 
 
 def _body(prim: Any) -> RigidBody | None:

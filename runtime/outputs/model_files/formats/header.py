@@ -23,7 +23,7 @@ from runtime.library.parameters import PI_NAMES
 from runtime.outputs.model_files.engines.answer import Unreadable, random_states
 from runtime.outputs.model_files.export_format import ExportFormat
 from runtime.outputs.model_files.model import IdentifiedModel, springs_left_out
-from runtime.outputs.model_files.reload_check import require_torques, unchecked, verified
+from runtime.outputs.model_files.reload_check import REMEDY, require_torques, unchecked, verified
 from runtime.outputs.model_files.urdf_tree import digits
 
 INSTALL = "install a C compiler, or name one in CC"
@@ -60,9 +60,6 @@ def read_back(text: str, names: Mapping[str, tuple[int, ...]]) -> dict[str, Arra
         name: np.array([next(values) for _ in range(int(np.prod(shape)))]).reshape(shape)
         for name, shape in names.items()
     }
-
-
-REMEDY = "run: python -m symgen build"
 
 
 def header_arrays(model: IdentifiedModel) -> dict[str, Array]:

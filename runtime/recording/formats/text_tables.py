@@ -42,6 +42,11 @@ class RowForm:
     separator: str | None  # of cells; None for blanks
     width: int  # number of cells
     picks: list[int]  # indices of the columns that are read
+    keeps_all: bool = False  # whether empty lines and comments are rows, corrupt ones
+
+
+FLAT = RowForm("", False, ";", 1, [0], keeps_all=True)
+"""One number per line; `;` is in none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -167,7 +172,8 @@ def flat_table(text: str, width: int, name: str) -> LogTable:
     """Table of a text with one number per line; a bad line keeps its place as NaN."""
     text = text.rstrip()
     first = _first_numeric(lines_of(text), name)
-    numbers = flat_numbers(text, behind(text, first), SIZES)
+    blocks = row_blocks(text, behind(text, first), first + 1, FLAT, SIZES)
+    numbers = np.concatenate([block.values[:, 0] for block in blocks])
     count, rest = divmod(len(numbers), width)
     remarks = [f"{name}: {first} lines before the first number were skipped."] * (first > 0)
     if rest:
@@ -277,25 +283,13 @@ def plain_rows(text: str, form: RowForm) -> Array | None:
         return parsed
 
     def lines() -> Iterator[str]:
-        for line in lines_of(text):
-            if line.count(separator) != width - 1:
+        for line in lines_of(text):  # NumPy skips empty ones
+            if line.count(separator) != width - 1 or not line.strip():
                 raise ValueError
             yield line
 
-    return _by_numpy(lines(), separator, form.picks)
-
-
-def plain_numbers(text: str) -> Array | None:
-    """Numbers of a text with one in each line; None for any other."""
-    numbers = None if text.isspace() else _by_numpy(lines_of(text), ",", None)
-    count = sum(len(piece.splitlines()) for piece in _pieces(text, 0, PIECE))
-    # NumPy skips empty lines, so that fewer numbers than lines are another text.
-    return None if numbers is None or numbers.shape != (count, 1) else numbers[:, 0]
-
-
-def _by_numpy(lines: Iterator[str], separator: str, picks: Sequence[int] | None) -> Array | None:
     try:
-        return np.loadtxt(lines, comments=None, delimiter=separator, usecols=picks, ndmin=2)
+        return np.loadtxt(lines(), comments=None, delimiter=separator, usecols=form.picks, ndmin=2)
     except ValueError:
         return None
 
@@ -337,7 +331,7 @@ def _single_lines(text: str, line: int, form: RowForm) -> RowBlock:
     header = form.reference.strip() if form.is_titled else None
     for count, each in enumerate(lines_of(text), 1):
         stripped = each.strip()
-        if not stripped or stripped.startswith("#"):
+        if not form.keeps_all and (not stripped or stripped.startswith("#")):
             continue
         if stripped == header:
             repeated += 1
@@ -349,19 +343,6 @@ def _single_lines(text: str, line: int, form: RowForm) -> RowBlock:
         numbers.append(line + count - 1)
     values = np.array(rows, dtype=np.float64).reshape(-1, len(form.picks))
     return RowBlock(values, np.array(numbers, dtype=np.int64), widths, repeated, count)
-
-
-def flat_numbers(text: str, start: int, sizes: Sequence[int]) -> Array:
-    """Numbers of a text with one per line."""
-    parts = []
-    for piece in _pieces(text, start, sizes[0]):
-        plain = plain_numbers(piece)
-        if plain is None and sizes[1:]:
-            plain = flat_numbers(piece, 0, sizes[1:])
-        elif plain is None:
-            plain = np.array([number_in(line.strip()) for line in lines_of(piece)])
-        parts.append(plain)
-    return np.concatenate(parts)
 
 
 def _pieces(text: str, start: int, size: int) -> Iterator[str]:

@@ -5,13 +5,7 @@ import pytest
 
 from runtime.errors import RecordingError
 from runtime.recording.formats import text_tables
-from runtime.recording.formats.text_tables import (
-    RowForm,
-    csv_table,
-    flat_table,
-    plain_numbers,
-    plain_rows,
-)
+from runtime.recording.formats.text_tables import FLAT, RowForm, csv_table, flat_table, plain_rows
 
 ROWS = "t,a,b\n0.1,-1e-3,nan\n0.2, 4 ,1e400\n0.30000000000000004,5,6\n"
 ODD = {
@@ -89,7 +83,7 @@ def test_flat_text_is_that_of_single_lines(odd: str, monkeypatch) -> None:
     """Property: one number per line; a line that is none keeps its place as NaN."""
     text = "title\n1\n2.5\r\n" + odd + "\n-3e-5\n4\n"
     at_once = flat_table(text, 2, "log.txt")
-    monkeypatch.setattr(text_tables, "plain_numbers", lambda *_: None)
+    monkeypatch.setattr(text_tables, "plain_rows", lambda *_: None)
     by_line = flat_table(text, 2, "log.txt")
     assert np.array_equal(at_once.values, by_line.values, equal_nan=True)
     assert at_once.remarks == by_line.remarks
@@ -102,7 +96,7 @@ def test_numbers_are_those_of_python() -> None:
     cells = [f"{x:.{k % 17}{'efg'[k % 3]}}" for k, x in enumerate(values)]
     cells[::500] = ["-0.0", "nan", "12", "-inf", "-.5", "3.", "4.9e-324", "9e400"]
     expected = np.array(list(map(float, cells)))
-    flat = plain_numbers("\n".join(cells))
+    flat = plain_rows("\n".join(cells), FLAT)
     assert flat is not None
     assert flat.tobytes() == expected.tobytes()
     lines = [";".join(cells[k : k + 4]) for k in range(0, len(cells), 4)]
@@ -117,13 +111,13 @@ def test_numbers_are_those_of_python() -> None:
 )
 def test_two_numbers_in_a_line_do_not_make_up_for_an_empty_one(odd: str) -> None:
     """Property: as many numbers as lines, but not one in each, or text that is no number."""
-    assert plain_numbers("1.5\n" * 40 + odd) is None
-    assert plain_numbers(odd + "1.5\n" * 40) is None
+    assert plain_rows("1.5\n" * 40 + odd, FLAT) is None
+    assert plain_rows(odd + "1.5\n" * 40, FLAT) is None
 
 
 def test_empty_lines_alone_hold_no_numbers() -> None:
     """Property: without the warning by which NumPy says that it read none."""
-    assert plain_numbers("\n" * 40) is None
+    assert plain_rows("\n" * 40, FLAT) is None
 
 
 def test_decimals_are_those_of_python() -> None:
@@ -137,7 +131,7 @@ def test_decimals_are_those_of_python() -> None:
     ]
     cells[::100] = ["1e-05"] * 200
     cells[:4] = ["-0.000", "99999999.99999999", "9007199.254740993", "3"]
-    parsed = plain_numbers("\n".join(cells))
+    parsed = plain_rows("\n".join(cells), FLAT)
     assert parsed is not None
     assert parsed.tobytes() == np.array(list(map(float, cells))).tobytes()
 
@@ -148,4 +142,4 @@ def test_other_cells_are_refused(odd: str) -> None:
     for place in (0, 20, 40):
         cells = ["1.5"] * 40
         cells.insert(place, odd)
-        assert plain_numbers("\n".join(cells)) is None
+        assert plain_rows("\n".join(cells), FLAT) is None

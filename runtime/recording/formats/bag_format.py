@@ -7,14 +7,16 @@ Publishers of some of the joints each are merged where their stamps are equal.
     publisher   a row per message: stamp, instant of logging, position, velocity, effort
     merged      t and the three fields of the requested joints, sorted, one row per stamp
 
-Neither is held in memory: the numbers lie in temporary files. A row is yielded only when no earlier
-row can follow, so that late messages are sorted in.
+Neither is held in memory: messages lie in a temporary database of SQLite, which sorts them, and
+merged rows in a temporary file.
 """
 
-from array import array
+import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import count as counted
 from pathlib import Path
 from typing import Any
 
@@ -26,136 +28,103 @@ from runtime.recording.coupled_joints import renamed_joints
 from runtime.recording.formats import FOLDERS
 from runtime.recording.formats.bag_messages import Message, messages
 from runtime.recording.formats.log_format import Extras, LogFormat, LogReader, LogRows, Texts
-from runtime.recording.formats.tables import MAX_CORRUPT, LogTable, Spool, SpooledRows
+from runtime.recording.formats.tables import MAX_CORRUPT, LogTable, Spool, SpooledRows, no_room
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 
 FIELDS = ("position", "velocity", "effort")
 
 PIECE = 2**15
-"""Messages of a publisher that are written to the spool together."""
+"""Messages that are merged together."""
 
 Ticks = Integers
-
-
-@dataclass(slots=True)
-class Clock:
-    """One of the two clocks of a publisher: whether it changes, and how often it runs backwards."""
-
-    first: int = -1
-    last: int = -1
-    moves: bool = False
-    late: int = 0
-
-    def tick(self, stamp: int) -> None:
-        """Take the next instant [ns]."""
-        if self.first < 0:
-            self.first = stamp
-        self.moves |= stamp != self.first
-        self.late += stamp < self.last
-        self.last = stamp
 
 
 @dataclass(slots=True)
 class Publisher:
     """All messages of one topic that name the same joints in the same order."""
 
+    number: int
     names: tuple[str, ...]  # of the joints
-    spool: Spool  # temporary file of the rows
-    stamps: Clock = field(default_factory=Clock)  # stamps, logged: its two clocks
-    logged: Clock = field(default_factory=Clock)
     count: int = 0  # number of messages
-    _places: list[tuple[int, int, int, int]] = field(default_factory=list)
-    _ticks: array = field(default_factory=lambda: array("q"))
-    _values: array = field(default_factory=lambda: array("d"))
+    last: tuple[int, int] = (-1, -1)  # its two clocks, stamp and instant of logging [ns]
+    late: tuple[int, int] = (0, 0)  # how often each of them runs backwards
+    stamps_change: bool = False
 
-    def add(self, message: Message) -> None:
+    def note(self, message: Message) -> None:
+        """Count the next message."""
+        now = message.stamp, message.logged
+        self.stamps_change |= self.count > 0 and now[0] != self.last[0]
+        self.late = self.late[0] + (now[0] < self.last[0]), self.late[1] + (now[1] < self.last[1])
+        self.last, self.count = now, self.count + 1
+
+
+class MessageStore:
+    """Messages of one bag in a temporary database, which sorts them."""
+
+    def __init__(self, base: sqlite3.Connection) -> None:
+        self._base = base
+        base.execute("PRAGMA journal_mode = OFF")
+        base.execute("CREATE TABLE message (publisher, stamp, logged, numbers)")
+        base.execute("CREATE TABLE part (number)")
+
+    @classmethod
+    @contextmanager
+    def opened(cls, name: str) -> "Iterator[MessageStore]":
+        """Database of a bag; its file is deleted when it is closed."""
+        with closing(sqlite3.connect("")) as base:
+            try:
+                yield cls(base)
+            except sqlite3.Error as error:
+                raise no_room(name, str(error)) from error
+
+    def add(self, publisher: Publisher, message: Message) -> None:
         """Add a message; a field of another length than the names is missing."""
-        self.stamps.tick(message.stamp)
-        self.logged.tick(message.logged)
-        self._ticks.extend((message.stamp, message.logged))
-        blank = [np.nan] * len(self.names)
-        for values in (message.position, message.velocity, message.effort):
-            whole = values if len(values) == len(self.names) else blank
-            self._values.frombytes(np.asarray(whole, dtype=np.float64).tobytes())
-        self.count += 1
-        if len(self._ticks) == 2 * PIECE:
-            self._write()
+        n = len(publisher.names)
+        fields = (message.position, message.velocity, message.effort)
+        whole = [field if len(field) == n else np.full(n, np.nan) for field in fields]
+        numbers = np.concatenate(whole, dtype=np.float64).tobytes()
+        row = (publisher.number, message.stamp, message.logged, numbers)
+        self._base.execute("INSERT INTO message VALUES (?, ?, ?, ?)", row)
+        publisher.note(message)
 
-    def in_order(self, by_stamp: bool) -> Iterator[tuple[Ticks, Array]]:
-        """Yield pieces of ticks (k,) [ns] and fields (k, 3 n), sorted by one of the clocks."""
-        self._write()
-        ticks, values = np.zeros(0, dtype=np.int64), np.zeros((0, 3 * len(self.names)))
-        earliest = [place[2 if by_stamp else 3] for place in self._places]
-        for k, (start, count, *_) in enumerate(self._places):
-            numbers = self.spool.read(start, count * (2 + values.shape[1]))
-            stamps, rows = numbers[: 2 * count].view(np.int64), numbers[2 * count :]
-            ticks = np.concatenate([ticks, stamps[(0 if by_stamp else 1) :: 2]])
-            values = np.concatenate([values, rows.reshape(count, -1)])
-            order = np.argsort(ticks, kind="stable")
-            ticks, values = ticks[order], values[order]
-            still = min(earliest[k + 1 :], default=int(ticks[-1]))
-            ready = int(np.searchsorted(ticks, still, side="right"))
-            if ready:
-                yield ticks[:ready], values[:ready]
-            ticks, values = ticks[ready:], values[ready:]
-
-    def _write(self) -> None:
-        ticks = np.frombuffer(self._ticks, dtype=np.int64).reshape(-1, 2)
-        if not ticks.size:
-            return
-        rows = np.frombuffer(self._values, dtype=np.float64).reshape(len(ticks), -1)
-        start = self.spool.append(ticks.view(np.float64))
-        self.spool.append(rows)
-        by_stamp, by_log = ticks.min(axis=0).tolist()
-        self._places.append((start, len(rows), by_stamp, by_log))
-        self._ticks, self._values = array("q"), array("d")
+    def in_order(
+        self, publishers: Sequence[Publisher], by_stamp: bool
+    ) -> Iterator[list[tuple[int, int, bytes]]]:
+        """Yield ticks, publishers and numbers in pieces; those of one tick stay together."""
+        self._base.executemany("INSERT INTO part VALUES (?)", [(p.number,) for p in publishers])
+        held: list[tuple[int, int, bytes]] = []
+        for message in self._base.execute(
+            "SELECT CASE WHEN ? THEN stamp ELSE logged END AS tick, publisher, numbers "
+            "FROM message JOIN part ON publisher = number ORDER BY tick, message.rowid",
+            (by_stamp,),
+        ):
+            if len(held) >= PIECE and message[0] != held[-1][0]:
+                yield held
+                held = []
+            held.append(message)
+        if held:
+            yield held
 
 
 def merged(
-    publishers: Sequence[Publisher], names: tuple[str, ...], by_stamp: bool
-) -> Iterator[tuple[Ticks, Array]]:
-    """Yield pieces of ticks [ns] and fields of some joints; NaN where no message has a value."""
-    if len(publishers) == 1:
-        columns = _columns(publishers[0].names, names)[1]
-        for ticks, values in publishers[0].in_order(by_stamp):
-            yield ticks, values[:, columns]
-        return
-    more = {k: each.in_order(by_stamp) for k, each in enumerate(publishers)}
-    held: dict[int, tuple[Ticks, Array]] = {}
-    reached = dict.fromkeys(more, -1)
-    while more:
-        k = min(more, key=reached.__getitem__)  # the publisher that is furthest behind continues
-        piece = next(more[k], None)
-        if piece is None:
-            del more[k]
-        else:
-            reached[k] = int(piece[0][-1])
-            if k in held:
-                ticks, values = (np.concatenate(pair) for pair in zip(held[k], piece, strict=True))
-                piece = ticks, values
-            held[k] = piece
-        until = min((reached[k] for k in more), default=None)
-        now, later = [], {}
-        for k, (ticks, values) in held.items():
-            cut = len(ticks) if until is None else int(np.searchsorted(ticks, until))
-            if cut:
-                now.append((publishers[k].names, ticks[:cut], values[:cut]))
-            if cut < len(ticks):
-                later[k] = ticks[cut:], values[cut:]
-        held = later
-        if now:
-            yield _filled(now, names)
-
-
-def _filled(
-    parts: list[tuple[tuple[str, ...], Ticks, Array]], names: tuple[str, ...]
+    piece: list[tuple[int, int, bytes]], publishers: Sequence[Publisher], names: tuple[str, ...]
 ) -> tuple[Ticks, Array]:
-    """Join the rows of one stamp."""
-    ticks = np.unique(np.concatenate([stamps for _, stamps, _ in parts]))
+    """Ticks [ns] and fields of some joints of a piece of messages; NaN where none has a value.
+
+    Messages of several publishers with one tick are one row, those of a single one are not.
+    """
+    ticks = np.array([tick for tick, *_ in piece], dtype=np.int64)
+    places = np.arange(len(ticks))
+    if len(publishers) > 1:
+        ticks, places = np.unique(ticks, return_inverse=True)
     filled = np.full((len(ticks), len(FIELDS) * len(names)), np.nan)
-    for present, stamps, values in parts:
-        places, columns = _columns(present, names)
-        filled[np.searchsorted(ticks, stamps)[:, None], places] = values[:, columns]
+    for each in publishers:
+        own = [k for k, (_, number, _) in enumerate(piece) if number == each.number]
+        values = np.frombuffer(b"".join(piece[k][2] for k in own)).reshape(
+            len(own), len(FIELDS) * len(each.names)
+        )
+        columns, of_publisher = _columns(each.names, names)
+        filled[places[own][:, None], columns] = values[:, of_publisher]
     return ticks, filled
 
 
@@ -207,39 +176,39 @@ def read_joint_states(
     path: Path, topic: str, wanted: tuple[str, ...], robot: tuple[str, ...] = ()
 ) -> JointLog:
     """Merged joint states of one topic; wanted: names of the log, robot: those of the robot."""
-    notes: list[str] = []
-    topics: dict[str, Topic] = {}
-    spool = Spool(path.name)
-    for message in messages(path, notes):
-        if topic and message.topic != topic:
-            topics.setdefault(message.topic, {})
-            continue
-        publishers = topics.setdefault(message.topic, {})
-        if message.names not in publishers:
-            publishers[message.names] = Publisher(message.names, spool)
-        publishers[message.names].add(message)
-    if not wanted and robot:
-        listed = {name for groups in topics.values() for group in groups for name in group}
-        wanted = renamed_joints(listed, robot) or robot
-        if wanted != robot:
-            notes.append(
-                f"The joints {wanted[0]} … {wanted[-1]} of the log count as {robot[0]} … "
-                f"{robot[-1]} of the robot."
+    with MessageStore.opened(path.name) as store:
+        notes: list[str] = []
+        topics: dict[str, Topic] = {}
+        numbers = counted()
+        for message in messages(path, notes):
+            publishers = topics.setdefault(message.topic, {})
+            if topic and message.topic != topic:
+                continue
+            if message.names not in publishers:
+                publishers[message.names] = Publisher(next(numbers), message.names)
+            store.add(publishers[message.names], message)
+        if not wanted and robot:
+            listed = {name for groups in topics.values() for group in groups for name in group}
+            wanted = renamed_joints(listed, robot) or robot
+            if wanted != robot:
+                notes.append(
+                    f"The joints {wanted[0]} … {wanted[-1]} of the log count as {robot[0]} … "
+                    f"{robot[-1]} of the robot."
+                )
+        chosen = _topic(path.name, topic, topics, wanted)
+        publishers = topics[chosen]
+        names = wanted or tuple(dict.fromkeys(name for group in publishers for name in group))
+        if len(names) > MOST_JOINTS:
+            raise RecordingError(
+                f"{path.name} names {len(names)} joints; name those of the robot in a recipe: "
+                "joints = [...]"
             )
-    chosen = _topic(path.name, topic, topics, wanted)
-    publishers = topics[chosen]
-    names = wanted or tuple(dict.fromkeys(name for group in publishers for name in group))
-    if len(names) > MOST_JOINTS:
-        raise RecordingError(
-            f"{path.name} names {len(names)} joints; name those of the robot in a recipe: "
-            "joints = [...]"
-        )
-    if len(topics) > 1:
-        notes.append(f"Joint states were taken from the topic {chosen}.")
-    whole = [p for group, p in publishers.items() if set(names) <= set(group)]
-    parts = whole or [p for group, p in publishers.items() if set(names) & set(group)]
-    log = _merged(path.name, parts, names, tuple(notes))
-    return replace(log, names=robot) if robot and names == wanted else log
+        if len(topics) > 1:
+            notes.append(f"Joint states were taken from the topic {chosen}.")
+        whole = [p for group, p in publishers.items() if set(names) <= set(group)]
+        parts = whole or [p for group, p in publishers.items() if set(names) & set(group)]
+        log = _merged(path.name, parts, names, tuple(notes), store)
+        return replace(log, names=robot) if robot and names == wanted else log
 
 
 def _topic(name: str, topic: str, topics: dict[str, Topic], wanted: tuple[str, ...]) -> str:
@@ -274,18 +243,22 @@ def _topic(name: str, topic: str, topics: dict[str, Topic], wanted: tuple[str, .
 
 
 def _merged(
-    name: str, parts: Sequence[Publisher], names: tuple[str, ...], notes: tuple[str, ...]
+    name: str,
+    parts: Sequence[Publisher],
+    names: tuple[str, ...],
+    notes: tuple[str, ...],
+    store: MessageStore,
 ) -> JointLog:
     """All messages on one clock, sorted; rows that lack a joint are dropped and counted."""
-    by_stamp = sum(p.count for p in parts) < 2 or any(p.stamps.moves for p in parts)
+    by_stamp = sum(p.count for p in parts) < 2 or any(p.stamps_change for p in parts)
     if not by_stamp:
         notes += ("The stamps of the messages do not change; the instants of logging are used.",)
-    late = sum((p.stamps if by_stamp else p.logged).late for p in parts)
-    if late:
+    if late := sum(p.late[0 if by_stamp else 1] for p in parts):
         notes += (f"Sorted {late} messages that came out of order.",)
     spool, start, count, total = Spool(name), 0, 0, 0
     filled = np.zeros(len(FIELDS), dtype=bool)
-    for ticks, values in merged(parts, names, by_stamp):
+    for piece in store.in_order(parts, by_stamp):
+        ticks, values = merged(piece, parts, names)
         total += len(ticks)
         whole = np.isfinite(values[:, : len(names)]).all(axis=1) | (len(parts) == 1)
         if not whole.any():

@@ -54,6 +54,14 @@ def common_count(path: Path, counts: Iterable[int]) -> int:
     return different[0] if different else 0
 
 
+def no_room(name: str, reason: str | None) -> RecordingError:
+    """Error of a log whose numbers a temporary file cannot take."""
+    return RecordingError(
+        f"the numbers of {name} do not fit into {tempfile.gettempdir()} ({reason}); set TMPDIR to "
+        "a larger place, or convert the log to Parquet"
+    )
+
+
 class Spool:
     """Sequence of numbers in a temporary file, which stays in memory while it is small.
 
@@ -77,10 +85,7 @@ class Spool:
             self._file.seek(8 * start)
             self._file.write(np.ascontiguousarray(values).data)
         except OSError as error:
-            raise RecordingError(
-                f"the numbers of {self._name} do not fit into {tempfile.gettempdir()} "
-                f"({error.strerror}); set TMPDIR to a larger place, or convert the log to Parquet"
-            ) from error
+            raise no_room(self._name, error.strerror) from error
         self.size += values.size
         return start
 

@@ -7,7 +7,6 @@ cell of q is a list of n numbers. Nothing but numbers is decoded.
 from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import closing
-from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
@@ -78,7 +77,7 @@ class ParquetLog:
 
     def table(self, columns: tuple[str, ...]) -> LogTable:
         """All rows of some columns, side by side; lists give several numbers each."""
-        values = self.joined([batch.blocks(columns) for batch in self.batches(columns)])
+        values = self.joined([self.blocks(batch, columns) for batch in self.batches(columns)])
         if len(values) != self.rows:
             raise self._other_rows()
         return LogTable(values, np.arange(self.rows, dtype=np.int64))
@@ -110,18 +109,34 @@ class ParquetLog:
             "hold others; export the log again"
         )
 
-    def batches(self, columns: tuple[str, ...], first_row: int = 0) -> Iterator["Batch"]:
+    def batches(self, columns: tuple[str, ...], first_row: int = 0) -> Iterator[Any]:
         """Yield batches of rows, beginning with the first row of a row group."""
         self._require(columns)
         with undamaged(self.name, KIND):
             groups = range(int(np.searchsorted(self._starts, first_row)), len(self._starts) - 1)
-            for batch in self._file.iter_batches(
+            yield from self._file.iter_batches(
                 BATCH,
                 row_groups=list(groups),
                 columns=list(dict.fromkeys(columns)),
                 use_threads=False,
-            ):
-                yield Batch(batch, self.name)
+            )
+
+    def blocks(self, batch: Any, columns: tuple[str, ...]) -> list[Array]:
+        """Numbers (N, m) of every column of a batch, m = 1 where it holds no lists; null is NaN."""
+        with undamaged(self.name, KIND):
+            return [self._block(batch.column(column), column) for column in columns]
+
+    def _block(self, cells: Any, column: str) -> Array:
+        if not _is_list(cells.type):
+            return _floats(cells).reshape(-1, 1)
+        compute = imported("pyarrow.compute", "Parquet")
+        widths = compute.unique(compute.list_value_length(cells)).to_pylist()
+        if len(widths) != 1 or not widths[0]:  # None of a cell without a list
+            raise RecordingError(
+                f"{self.name}: the lists of the column {column!r} are expected to be of one "
+                "length above 0, but are not; write one number per joint and instant"
+            )
+        return _floats(cells.flatten()).reshape(len(cells), widths[0])
 
     def _require(self, columns: tuple[str, ...]) -> None:
         missing = [column for column in columns if column not in self.columns]
@@ -139,46 +154,12 @@ class ParquetLog:
         types = imported("pyarrow.types", "Parquet")
         for column in columns:
             kind = self._file.schema_arrow.field(column).type
-            inner = kind.value_type if _is_list(kind, types) else kind
+            inner = kind.value_type if _is_list(kind) else kind
             if not (types.is_floating(inner) or types.is_integer(inner)):
                 raise RecordingError(
                     f"{self.name}: the column {column!r} is expected to hold real numbers, "
                     f"but is of type {kind}; convert it to double"
                 )
-
-
-@dataclass(frozen=True, slots=True)
-class Batch:
-    """Batch of rows of an open file."""
-
-    cells: Any
-    name: str
-
-    def __len__(self) -> int:
-        return int(self.cells.num_rows)
-
-    def rows(self, start: int, stop: int) -> "Batch":
-        """Rows start … stop, which are not copied."""
-        return Batch(self.cells.slice(start, stop - start), self.name)
-
-    def blocks(self, columns: tuple[str, ...]) -> list[Array]:
-        """Numbers (N, m) of every column, m = 1 where it holds no lists; null is NaN."""
-        types = imported("pyarrow.types", "Parquet")
-        with undamaged(self.name, KIND):
-            return [self._block(column, types) for column in columns]
-
-    def _block(self, column: str, types: Any) -> Array:
-        cells = self.cells.column(column)
-        if not _is_list(cells.type, types):
-            return _floats(cells).reshape(-1, 1)
-        flat, count = _floats(cells.flatten()), len(cells)
-        width, rest = divmod(len(flat), count)
-        if not width or rest or cells.null_count or not _is_even(cells, width, types):
-            raise RecordingError(
-                f"{self.name}: the lists of the column {column!r} are expected to be of one "
-                "length above 0, but are not; write one number per joint and instant"
-            )
-        return flat.reshape(count, width)
 
 
 def rows_of(path: Path) -> tuple[dict[bytes, bytes], list[dict[str, Any]]]:
@@ -219,14 +200,9 @@ def _floats(cells: Any) -> Array:
     return np.asarray(cells.cast("float64").to_numpy(zero_copy_only=False), dtype=np.float64)
 
 
-def _is_list(kind: Any, types: Any) -> bool:
+def _is_list(kind: Any) -> bool:
+    types = imported("pyarrow.types", "Parquet")
     return bool(types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind))
-
-
-def _is_even(cells: Any, width: int, types: Any) -> bool:
-    if types.is_fixed_size_list(cells.type):
-        return True
-    return bool((np.diff(np.asarray(cells.offsets)) == width).all())
 
 
 class ParquetRows:
@@ -236,7 +212,7 @@ class ParquetRows:
         self._log, self._kinds = log, dict(kinds)
         self._columns = tuple(column for columns in self._kinds.values() for column in columns)
         self.count = log.rows
-        self._held: deque[Batch] = deque()
+        self._held: deque[Any] = deque()
         self._first = self._next = 0
         self._batches = log.batches(self._columns, 0)
 
@@ -253,21 +229,22 @@ class ParquetRows:
             if batch is None:
                 raise RecordingError(f"{self._log.name} holds fewer rows than it states")
             self._held.append(batch)
-            self._next += len(batch)
+            self._next += batch.num_rows
             self._forget(start)
         parts, at = [], self._first
         for batch in self._held:
             if at < stop:
-                parts.append(batch.rows(max(start - at, 0), min(stop - at, len(batch))))
-            at += len(batch)
+                first = max(start - at, 0)
+                parts.append(batch.slice(first, stop - at - first))
+            at += batch.num_rows
         return {
-            kind: self._log.joined([part.blocks(columns) for part in parts], by_columns=True)
+            kind: self._log.joined([self._log.blocks(p, columns) for p in parts], by_columns=True)
             for kind, columns in self._kinds.items()
         }
 
     def _forget(self, start: int) -> None:
-        while self._held and self._first + len(self._held[0]) <= start:
-            self._first += len(self._held.popleft())
+        while self._held and self._first + self._held[0].num_rows <= start:
+            self._first += self._held.popleft().num_rows
 
 
 class ParquetReader(LogReader):

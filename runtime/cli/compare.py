@@ -8,17 +8,14 @@ from runtime.cli.common import ResultFolder, counting, listed, open_robot, requi
 from runtime.cli.log_options import FitChoices, Log, inputs_of, split_of
 from runtime.cli.shown_progress import shown_progress
 from runtime.common.settings import argument_field, method_field, model_field, output_field
-from runtime.common.tables import Table
 from runtime.common.terminal import VERBOSE, command_line, completing, say, say_notes, show
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import METHODS, methods_from_statistics
 from runtime.identification.comparison.output import LEGEND, write_comparison
 from runtime.identification.comparison.run import (
-    HEAD,
     Comparison,
     TrueParameters,
     beside,
-    cells,
     compare,
     read_truth,
 )
@@ -26,6 +23,7 @@ from runtime.identification.comparison.two_results import compare_results
 from runtime.identification.long_logs import assemble_streamed, require_streamable
 from runtime.identification.prepared_log import prepared_log, usable_columns
 from runtime.identification.problem_setup import Assembly, assemble
+from runtime.identification.result_tables import method_table
 from runtime.identification.saved_result import read_result
 from runtime.identification.settings import AUTO, Settings
 from runtime.outputs.report.comparison import results_page
@@ -185,7 +183,7 @@ def _with_progress(
 
 def _finish(facts: dict[str, Any], folder: Path) -> None:
     title = f"{facts['robot']}, {facts['recording']['name']}: every method"
-    show(Table(tuple(HEAD), tuple(tuple(cells(row)) for row in facts["rows"]), title=title))
+    show(method_table(facts["rows"], title))
     say(f"{LEGEND}\n")
     for row in facts["rows"]:
         say(f"{row['method']}: {row['status']}")

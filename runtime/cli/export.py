@@ -10,9 +10,8 @@ from runtime.cli.log_options import ResultChoices, open_result
 from runtime.common.settings import output_field
 from runtime.common.terminal import completing, say, say_notes
 from runtime.errors import ExportError
-from runtime.outputs.model_files.export import export_model
+from runtime.outputs.model_files.export import export
 from runtime.outputs.model_files.export_format import EXPORT_FORMATS, usual_formats
-from runtime.outputs.model_files.joint_friction import drives_of
 from runtime.outputs.model_files.model import springs_left_out
 
 
@@ -55,17 +54,8 @@ def export_command(given: ExportSettings) -> None:
     """
     kinds = listed(given.to, tuple(EXPORT_FORMATS), "--to") if given.to else usual_formats()
     saved, lib, notes = open_result(given, given.result, True, free_base=True, same_bodies=True)
-    terms, folder = saved.friction, given.out or given.result / "export"
-    done = export_model(
-        lib,
-        saved.pi,
-        kinds,
-        folder,
-        terms=terms,
-        phi=saved.phi,
-        drives=drives_of(saved.record),
-        overwrite=given.overwrite,
-    )
+    folder = given.out or given.result / "export"
+    done = export(saved, folder, kinds, lib, overwrite=given.overwrite)
     for each in done:
         say(f"{each.kind}: {f'{each.path} ({each.sentence})' if each.path else each.sentence}")
     say_notes(notes)

@@ -1,14 +1,18 @@
 """Tables of a result, for the terminal, the report and notebooks alike."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
+
+import numpy as np
 
 from runtime.common.tables import NOTHING, Table, number, percent
 from runtime.identification.metrics import CONSISTENCY_TOLERANCE
 from runtime.identification.result_record import ErrorPercent, ErrorRms, LinkPart, ResultRecord
 from runtime.library.parameters import PI_NAMES
 
+NOT_RUN = "not run"
+"""Outcome of a method that needs more than the log offers."""
 MODELS = (
     ("URDF", "before_overall"),
     ("URDF with friction fitted", "urdf_friction_overall"),
@@ -109,3 +113,37 @@ def is_consistent(link: LinkPart) -> bool:
 def tested_on(record: ResultRecord) -> str:
     """Part of the log that errors are computed on, "test" or, without a test part, "training"."""
     return "training" if record.recording.samples.get("test") == 0 else "test"
+
+
+def method_table(rows: Sequence[Mapping[str, Any]], title: str = "") -> Table:
+    """Every method of compare.json; results that are not physically consistent are flagged."""
+    head = ("method", "train %", "error %", "worst RMS", "base %", "s", "steps", "λ_min/tr")
+    bad = (k for k, row in enumerate(rows) if not row.get("consistent", row["outcome"] == NOT_RUN))
+    return Table(
+        (*head, "gap %", "status"),
+        tuple(map(_of_method, rows)),
+        title=title,
+        flagged=frozenset(bad),
+        row_methods=tuple(str(row["method"]) for row in rows),
+    )
+
+
+def _of_method(row: Mapping[str, Any]) -> tuple[str, ...]:
+    """Cells of one method, rounded for reading."""
+    if "rms" not in row:
+        return (str(row["method"]), *(NOTHING,) * 8, str(row["outcome"]))
+    worst = int(np.argmax(row["rms"]))
+    base, gap = row["base_error_percent"], row["gap_to_convex_optimum"]
+    verdict = str(row["outcome"]) if row["consistent"] else "unphysical"
+    return (
+        str(row["method"]),
+        f"{row['train_percent']:.3f}",
+        f"{row['test_percent']:.3f}",
+        f"j{worst + 1} {row['rms'][worst]:.3f}",
+        NOTHING if base is None else f"{base:.3g}",
+        f"{row['seconds']:.3f}",
+        NOTHING if row["iterations"] is None else str(row["iterations"]),
+        f"{row['smallest_relative_eigenvalue']:.1e}",
+        NOTHING if gap is None else f"{100 * gap:.3g}",
+        "boundary" if row["boundary"] else verdict,
+    )

@@ -21,18 +21,10 @@ from scipy.special import stdtrit
 from runtime.common.files import replacing, write_json
 from runtime.common.tables import significant
 from runtime.estimators.methods import DEFAULT, METHODS
-from runtime.identification.comparison.run import (
-    HEAD,
-    NOT_RUN,
-    RAN,
-    Comparison,
-    Figures,
-    MethodRow,
-    cells,
-    row_facts,
-)
+from runtime.identification.comparison.run import RAN, Comparison, Figures, MethodRow, row_facts
 from runtime.identification.problem_setup import PARTS
 from runtime.identification.result_record import plain
+from runtime.identification.result_tables import NOT_RUN, method_table
 from runtime.library import Array
 from runtime.library.manifest import file_units
 from runtime.recording import Recording
@@ -320,8 +312,9 @@ def _extent(pieces: Iterable[Recording]) -> tuple[int, float, float]:
 
 
 LEGEND = (
-    "error: torque error on the test part, all joints; worst RMS: number and RMS error of the "
-    "worst joint, N·m or N; base: error of the base parameters where the true ones are known; "
+    "train and error: torque error on the training and the test part, all joints; worst RMS: "
+    "number and RMS error of the worst joint, N·m or N; base: error of the base parameters where "
+    "the true ones are known; "
     "λ_min/tr: smallest relative eigenvalue, below 0 is not consistent; gap: (L − L*)/L* in the "
     "weighted training loss that all rows share, L* the optimum over all consistent models "
     "without nets"
@@ -333,8 +326,8 @@ def _markdown(facts: Mapping[str, Any]) -> str:
     name = _plain(facts["recording"]["name"])
     lines = [f"# {facts['robot']}, {name}: every method on the same data", ""]
     lines += [f"- {_plain(sentence)}" for sentence in facts["advice"]["sentences"]]
-    lines += ["", _line(HEAD), "|---" * len(HEAD) + "|"]
-    lines += [_line(cells(row)) for row in rows]
+    table = method_table(rows)
+    lines += ["", _line(table.header), "|---" * len(table.header) + "|", *map(_line, table.rows)]
     lines += [
         "",
         f"The URDF without friction has {facts['before_percent']:.3f} %. {LEGEND}.",

@@ -6,7 +6,7 @@ bounds of friction coefficients (map, pc-ols) count in the gap.
 """
 
 import hashlib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -27,6 +27,7 @@ from runtime.identification import metrics
 from runtime.identification.identified import Identification
 from runtime.identification.problem_setup import Assembly
 from runtime.identification.result_record import plain
+from runtime.identification.result_tables import NOT_RUN, method_table
 from runtime.identification.single_log import identify_assembled
 from runtime.library import Array, Library
 from runtime.recording.notebook import Shown
@@ -35,8 +36,7 @@ __all__ = ["Figures", "TrueParameters", "compare"]
 
 UNWRITTEN = ("squares", "contradictions", "model_errors")
 """Figures that compare.json does not state: they are what the advice is from."""
-RAN, NOT_RUN, FAILED = "ran", "not run", "failed"
-HEAD = ("method", "error %", "worst RMS", "base %", "s", "steps", "λ_min/tr", "gap %", "status")
+RAN, FAILED = "ran", "failed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,26 +89,6 @@ def row_facts(row: MethodRow) -> dict[str, Any]:
     return head | facts | {"rms": row.figures.rms.tolist(), "gap_to_convex_optimum": gap}
 
 
-def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
-    """Cells of one line of the table, in the order of `HEAD`, rounded for reading."""
-    if "rms" not in row:
-        return (row["method"], *("–",) * (len(HEAD) - 2), row["outcome"])
-    worst = int(np.argmax(row["rms"]))
-    base, gap = row["base_error_percent"], row["gap_to_convex_optimum"]
-    verdict = row["outcome"] if row["consistent"] else "unphysical"
-    return (
-        row["method"],
-        f"{row['test_percent']:.3f}",
-        f"j{worst + 1} {row['rms'][worst]:.3f}",
-        "–" if base is None else f"{base:.3g}",
-        f"{row['seconds']:.3f}",
-        "–" if row["iterations"] is None else str(row["iterations"]),
-        f"{row['smallest_relative_eigenvalue']:.1e}",
-        "–" if gap is None else f"{100 * gap:.3g}",
-        "boundary" if row["boundary"] else verdict,
-    )
-
-
 SUFFIX = ".truth.json"
 UNTOUCHED = "interrupted by the user before its turn"
 TINY = 1e-9
@@ -159,7 +139,7 @@ class Comparison(Shown):
     def tables(self) -> tuple[Table, ...]:
         """One line per method."""
         title = f"{self.assembly.problem.lib.name}: every method on the same data"
-        return (Table(HEAD, tuple(cells(row_facts(row)) for row in self.rows), title=title),)
+        return (method_table([row_facts(row) for row in self.rows], title),)
 
 
 @one_blas_thread

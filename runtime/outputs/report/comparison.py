@@ -9,28 +9,31 @@ from typing import Any
 import numpy as np
 
 from runtime.common.files import json_of
-from runtime.common.tables import Table, significant
+from runtime.common.tables import NOTHING, significant
 from runtime.errors import RuntimeFault
 from runtime.identification.comparison.two_results import TwoResults
+from runtime.identification.result_tables import method_table
 from runtime.library import Array
 from runtime.outputs.report.figures import method_bars
 from runtime.outputs.report.page import Page, Section, Tile, provenance
 
 NAME = "compare.json"
 FORMAT = 1
-NOTHING, NOT_RUN = "–", "not run"
 LARGEST_RMS = 1e9
 """Largest RMS torque error that is drawn [N·m, N]."""
 _AGAIN = "run the comparison again, or give its output folder"
 
 GLOSSARY = (
-    ("test error", "100 ‖measured − predicted‖ / ‖measured‖ over the test split, all joints"),
-    ("base error", "100 ‖β − β_true‖ / ‖β_true‖, where the log was simulated"),
     (
-        "λ_min(P)/tr P",
-        "smallest value over the links; negative where a link is not physically consistent",
+        "train %, error %",
+        "100 ‖measured − predicted‖ / ‖measured‖ over the training and the test split",
     ),
-    ("gap", "(loss − optimum) / optimum, in the weighted training loss common to all methods"),
+    ("base %", "100 ‖β − β_true‖ / ‖β_true‖, where the log was simulated"),
+    (
+        "λ_min/tr",
+        "smallest λ_min(P)/tr P over the links; negative where a link is not physically consistent",
+    ),
+    ("gap %", "(loss − optimum) / optimum, in the weighted training loss common to all methods"),
     ("boundary", "a link is close to the limit of physical consistency, as a thin plate or rod is"),
 )
 
@@ -92,17 +95,11 @@ def _sections(facts: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> It
     """Table, bar chart and the final message of every method."""
     joints = tuple(map(str, facts["joints"]))
     units = tuple(str(unit).replace("*", "·") for unit in facts["units"])
-    names = tuple(str(row["method"]) for row in rows)
-    bad = (k for k, row in enumerate(rows) if not row.get("consistent", row["outcome"] == NOT_RUN))
-    header = (
-        *("method", "train", "test", "base error", "time [s]", "iterations", "λ_min(P)/tr P"),
-        *("gap", "verdict"),
-    )
     yield Section(
         "Methods side by side",
         f"All methods use the same samples, weights and bandwidth. The torque error of the URDF "
         f"without friction is {_percent(facts['before_percent'])} on the test split.",
-        Table(header, tuple(map(_cells, rows)), flagged=frozenset(bad), row_methods=names),
+        method_table(rows),
     )
     ran = [row for row in rows if "rms" in row]
     if ran:
@@ -130,24 +127,6 @@ def _rms(values: Sequence[float], n: int) -> Array:
     if rms.shape != (n,) or not (np.abs(rms) < LARGEST_RMS).all():
         raise ValueError(f"'rms': expected {n} numbers, got {rms.tolist()!r:.60}")
     return rms
-
-
-def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:
-    if "rms" not in row:
-        return (str(row["method"]), *(NOTHING,) * 7, str(row["outcome"]))
-    gap = row["gap_to_convex_optimum"]
-    verdict = "consistent" if row["consistent"] else "inconsistent"
-    return (
-        str(row["method"]),
-        _percent(row["train_percent"]),
-        _percent(row["test_percent"]),
-        _percent(row["base_error_percent"]),
-        f"{row['seconds']:.3f}",
-        NOTHING if row["iterations"] is None else str(row["iterations"]),
-        f"{row['smallest_relative_eigenvalue']:.1e}",
-        NOTHING if gap is None else _percent(100 * gap),
-        "boundary" if row["boundary"] else verdict,
-    )
 
 
 def results_page(both: TwoResults, robot: str, names: tuple[str, str]) -> Page:

@@ -119,12 +119,12 @@ def merged(
         ticks, places = np.unique(ticks, return_inverse=True)
     filled = np.full((len(ticks), len(FIELDS) * len(names)), np.nan)
     for each in publishers:
-        own = [k for k, (_, number, _) in enumerate(piece) if number == each.number]
-        values = np.frombuffer(b"".join(piece[k][2] for k in own)).reshape(
-            len(own), len(FIELDS) * len(each.names)
+        mine = [k for k, (_, number, _) in enumerate(piece) if number == each.number]
+        values = np.frombuffer(b"".join(piece[k][2] for k in mine)).reshape(
+            len(mine), len(FIELDS) * len(each.names)
         )
         columns, of_publisher = _columns(each.names, names)
-        filled[places[own][:, None], columns] = values[:, of_publisher]
+        filled[places[mine][:, None], columns] = values[:, of_publisher]
     return ticks, filled
 
 

@@ -77,13 +77,6 @@ KIND_OF_UNIT = {
     **dict.fromkeys(("nm", "mnm", "a", "ma"), "torque"),
 }
 """Signal of a title in an unknown language, by its unit in brackets."""
-SI = {
-    "time": "s",
-    "position": "rad",
-    "velocity": "rad/s",
-    "acceleration": "rad/s^2",
-    "torque": "N*m",
-}
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,6 @@ from typing import Any
 from runtime.errors import RecordingError
 from runtime.inspection.checks.columns import (
     RATED,
-    SI,
     ColumnBlock,
     Meaning,
     blocks_by_content,
@@ -29,7 +28,7 @@ from runtime.recording.formats import format_of_suffix
 from runtime.recording.formats.log_format import LogReader
 from runtime.recording.formats.text_tables import numbers_in
 from runtime.recording.log_files import LogFiles
-from runtime.recording.recipes.recipe import JSON_CELLS, ControlLaw, Signal, Time
+from runtime.recording.recipes.recipe import JSON_CELLS, SI, ControlLaw, Signal, Time
 
 _NO_CLOCK = Time(rate_hz=1.0)
 _NUMBER = re.compile(r"\d+(?=\D*$)")

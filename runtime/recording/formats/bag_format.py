@@ -29,7 +29,7 @@ from runtime.recording.formats import FOLDERS
 from runtime.recording.formats.bag_messages import Message, messages
 from runtime.recording.formats.log_format import Extras, LogFormat, LogReader, LogRows, Texts
 from runtime.recording.formats.tables import MAX_CORRUPT, LogTable, Spool, SpooledRows, no_room
-from runtime.recording.recipes.recipe import Recipe, Signal, Time
+from runtime.recording.recipes.recipe import SI, Recipe, Signal, Time
 
 FIELDS = ("position", "velocity", "effort")
 
@@ -282,10 +282,6 @@ def _merged(
     return JointLog(names, fields, count, notes, spool)
 
 
-UNITS = {"position": "rad", "velocity": "rad/s", "effort": "N*m"}
-"""Field of JointState → unit."""
-
-
 class BagReader(LogReader):
     """Reader of a bag; its messages are merged once."""
 
@@ -299,8 +295,8 @@ class BagReader(LogReader):
         """Recipe of the fields that the messages fill; the position is always expected."""
         log = self._messages
         signals: dict[str, Any] = {
-            "torque" if key == "effort" else key: Signal(unit=UNITS[key], layout="bag", key=key)
-            for key in FIELDS
+            kind: Signal(unit=SI[kind], layout="bag", key=key)
+            for kind, key in zip(("position", "velocity", "torque"), FIELDS, strict=True)
             if key in log.fields or key == "position"
         }
         return Recipe(time=Time(unit="s", layout="bag"), joints=log.names, **signals)

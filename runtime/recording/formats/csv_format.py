@@ -31,11 +31,11 @@ from runtime.recording.formats.text_tables import (
     list_table,
 )
 from runtime.recording.recipes.default_convention import columns_convention, unread_columns
-from runtime.recording.recipes.recipe import Recipe, Signal, Time
+from runtime.recording.recipes.recipe import SI, Recipe, Signal, Time
 from runtime.recording.recording import Recording
 
-FRANKA = {"q": ("position", "rad"), "dq": ("velocity", "rad/s"), "tau_J": ("torque", "N*m")}
-"""Column of logToCSV → kind of signal and its unit."""
+FRANKA = {"q": "position", "dq": "velocity", "tau_J": "torque"}
+"""Column of logToCSV → kind of signal."""
 HEAD, FRANKA_HEAD = 200, 50
 """Lines in which a header is looked for: any one, and that of logToCSV."""
 PIECE = 2**23
@@ -161,11 +161,11 @@ def _franka_convention(lines: Iterable[str]) -> Recipe | None:
         if prefix is None or "time" not in titles:
             continue
         signals: dict[str, Any] = {}
-        for key, (kind, unit) in FRANKA.items():
+        for key, kind in FRANKA.items():
             names = (f"{prefix}{key}[{i}]" for i in range(len(titles)))
             present = tuple(name for name in names if name in titles)
             if present:
-                signals[kind] = Signal(unit=unit, layout="csv", columns=present)
+                signals[kind] = Signal(unit=SI[kind], layout="csv", columns=present)
         return Recipe(time=Time(column="time", unit="ms", layout="csv"), **signals)
     return None
 

@@ -18,8 +18,7 @@ from runtime.library import Array
 from runtime.recording.formats.log_format import LogFormat, LogReader, LogRows, imported, undamaged
 from runtime.recording.formats.tables import EXPANSION, SLACK, Columns, LogTable
 from runtime.recording.recipes.default_convention import (
-    KINDS,
-    UNITS,
+    arrays_convention,
     columns_convention,
     unread_columns,
 )
@@ -255,11 +254,7 @@ class ParquetReader(LogReader):
         with closing(ParquetLog(self.raw.hashed())) as log:
             titles = log.columns
         if "q" in titles:
-            keys = {key: key for key in UNITS if key in titles}
-            signals: dict[str, Any] = {
-                KINDS[key]: Signal(unit=UNITS[key], layout="parquet", key=key) for key in keys
-            }
-            return Recipe(time=Time(column="t", unit="s", layout="parquet"), **signals)
+            return arrays_convention(titles, "parquet")
         if "q1" not in titles:
             raise RecordingError(
                 f"{self.raw.name} is expected to have the columns t, q1 … qn (or t and q with "

@@ -14,10 +14,8 @@ from collections.abc import Container, Iterable, Mapping
 from typing import Any
 
 from runtime.errors import RecordingError
-from runtime.recording.recipes.recipe import ControlLaw, Recipe, Signal, Time
+from runtime.recording.recipes.recipe import SI, ControlLaw, Recipe, Signal, Time
 
-UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s^2", "tau": "N*m"}
-"""Name of a signal → unit."""
 KINDS = {"q": "position", "dq": "velocity", "ddq": "acceleration", "tau": "torque"}
 """Name of a signal → kind in a recipe."""
 
@@ -43,15 +41,15 @@ def columns_convention(titles: list[str], layout: str, name: str) -> Recipe:
                 f"{key}{missing[0]} does not match; name one column per joint and signal"
             )
         columns = tuple(f"{key}{joint}" for joint in range(1, n + 1))
-        signals[KINDS[key]] = Signal(unit=UNITS[key], layout=layout, columns=columns)
+        signals[KINDS[key]] = Signal(unit=SI[KINDS[key]], layout=layout, columns=columns)
     return Recipe(time=Time(column="t", unit="s", layout=layout), **signals)
 
 
 def arrays_convention(present: Container[str], layout: str, prefix: str = "") -> Recipe:
     """Recipe of the arrays t, q [, dq] [, ddq], and tau, or q_des, kp, kd of a PD law."""
     signals: dict[str, Any] = {
-        KINDS[key]: Signal(unit=UNITS[key], layout=layout, key=prefix + key)
-        for key in UNITS
+        kind: Signal(unit=SI[kind], layout=layout, key=prefix + key)
+        for key, kind in KINDS.items()
         if prefix + key in present or key == "q"
     }
     law = None if "torque" in signals else _law_of(present, prefix)
@@ -89,7 +87,7 @@ def unread_columns(titles: Iterable[str], name: str) -> tuple[str, ...]:
     unread = [
         title
         for stem, group in groups.items()
-        if stem not in UNITS and sorted(group) in (list(range(size)), list(range(1, size + 1)))
+        if stem not in KINDS and sorted(group) in (list(range(size)), list(range(1, size + 1)))
         for title in group.values()
     ]
     return _sentence([key for key in _WANTED if key not in groups], "columns", unread, name)

@@ -50,7 +50,7 @@ def write_urdf(
     phi: ArrayLike | None = None,
 ) -> str:
     """Write the identified URDF, which reloads to the same torques; else an old file stays."""
-    return _write(make_model(lib, pi, terms, phi), EXPORT_FORMATS["urdf"], Path(path))
+    return write_model(make_model(lib, pi, terms, phi), EXPORT_FORMATS["urdf"], Path(path))
 
 
 def export_model(
@@ -85,14 +85,14 @@ def export_model(
             # Joint friction does not depend on whether the identified links are consistent.
             shown = pi if chosen.holds_inertia else lib.pi0
             model = make_model(lib, shown, terms, phi, drives=drives)
-            done.append(Exported(kind, path, _write(model, chosen, path)))
+            done.append(Exported(kind, path, write_model(model, chosen, path)))
         except ExportError as error:
             is_optional = not chosen.holds_inertia or lib.manifest.floating
             done.append(Exported(kind, None, str(error), is_optional))
     return done
 
 
-def _write(model: IdentifiedModel, chosen: ExportFormat, path: Path) -> str:
+def write_model(model: IdentifiedModel, chosen: ExportFormat, path: Path) -> str:
     """Write one file or folder, checked before; return the sentence of the check."""
     require_consistent(model)
     if not chosen.holds_inertia and not model.friction.is_known:

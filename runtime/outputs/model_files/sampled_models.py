@@ -18,13 +18,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from runtime.common.files import replacing, write_json
-from runtime.errors import ExportError
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.library.parameters import centre_of_mass, links, mass
 from runtime.monitoring.posterior_draws import Draws
-from runtime.outputs.model_files.engines.answer import STATES, Unreadable
-from runtime.outputs.model_files.export_format import EXPORT_FORMATS, require_base, save
+from runtime.outputs.model_files.engines.answer import STATES
+from runtime.outputs.model_files.export import write_model
+from runtime.outputs.model_files.export_format import EXPORT_FORMATS, require_base
 from runtime.outputs.model_files.joint_friction import TERMS, drives_of, joint_friction
 from runtime.outputs.model_files.model import make_model, require_consistent
 from runtime.outputs.model_files.urdf_tree import read_tree
@@ -53,17 +53,8 @@ def write_samples(
         model = make_model(lib, pi, saved.friction, phi, tree=tree, states=states)
         require_consistent(model)
         for kind in kinds:
-            chosen = EXPORT_FORMATS[kind]
-            try:
-                text = chosen.write(model)
-                sentence = chosen.check(model, text)
-            except Unreadable as error:
-                raise ExportError(
-                    f"cannot reload the {kind} of draw {k + 1} ({error}); report this as a fault "
-                    "of symgen"
-                ) from None
+            sentence = write_model(model, EXPORT_FORMATS[kind], _path(folder, k, kind))
             sentences.setdefault(kind, sentence)
-            save(_path(folder, k, kind), text)
     facts = {
         "robot": lib.name,
         "model_hash": lib.manifest.model_hash,

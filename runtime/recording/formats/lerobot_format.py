@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from runtime.common.files import json_of, require_file
+from runtime.common.files import json_of
 from runtime.errors import RecordingError
 from runtime.library import Array
 from runtime.recording.formats import FOLDERS
@@ -78,16 +78,8 @@ class LerobotReader(LogReader):
             )
         for path in paths:
             key = f"{self.raw.name}/{path.relative_to(self.raw.path).as_posix()}"
-            if key in self.raw.sha256:
-                continue
-            try:
-                require_file(path).open("rb").close()
-            except OSError as error:
-                raise RecordingError(
-                    f"{key} is expected to be a Parquet file, but cannot be read "
-                    f"({error.strerror}); download the data set again"
-                ) from None
-            self.raw.sha256.of_file(key, path)
+            if key not in self.raw.sha256:
+                self.raw.sha256.of_file(key, path)
         return paths
 
     def _column(self, name: str) -> Array:

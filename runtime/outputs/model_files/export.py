@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from runtime.common.files import require_unused
 from runtime.errors import ExportError, NotRealisableError
 from runtime.identification.result_file import AnyResult, opened
 from runtime.library import Library
@@ -72,11 +73,7 @@ def export_model(
                 f"expected some of {', '.join(EXPORT_FORMATS)} to export, got '{kind}'"
             )
         paths[kind] = folder / EXPORT_FORMATS[kind].file.format(robot=lib.name)
-    existing = [str(path) for path in paths.values() if path.exists()]
-    if existing and not overwrite:
-        raise ExportError(
-            f"'{existing[0]}' exists; name another folder with --out, or allow it with --overwrite"
-        )
+    require_unused(paths.values(), overwrite)
     done = []
     for kind, path in paths.items():
         chosen = EXPORT_FORMATS[kind]

@@ -13,7 +13,7 @@ import pytest
 import yaml
 from defusedxml.ElementTree import fromstring
 
-from runtime.errors import ExportError
+from runtime.errors import ExportError, RuntimeFault
 from runtime.library import Library
 from runtime.outputs.model_files import export
 from runtime.outputs.model_files.export import export_model
@@ -214,7 +214,7 @@ def test_without_a_compiler_the_header_is_left_unchecked(
 def test_files_that_are_there_stay(arm: Library, tmp_path: Path) -> None:
     """Property: nothing is replaced without leave, and one file there stops all."""
     (tmp_path / "arm.xml").write_text("mine")
-    with pytest.raises(ExportError, match=r"arm\.xml' exists; .*--overwrite"):
+    with pytest.raises(RuntimeFault, match=r"arm\.xml' exists; .*--overwrite"):
         export_model(arm, perturbed(arm), ["urdf", "mjcf"], tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["arm.xml"]
     export_model(arm, perturbed(arm), ["mjcf"], tmp_path, overwrite=True)

@@ -7,7 +7,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from runtime.library import Array
-from runtime.library.parameters import inertia_entries, pi_from_parts
 from runtime.outputs.model_files.engines.answer import Unreadable
 from runtime.outputs.model_files.model import IdentifiedModel
 from runtime.outputs.model_files.urdf_tree import RigidBody
@@ -33,8 +32,8 @@ class ReloadedStage:
     """A robot as usd-core read it from a stage."""
 
     engine: str  # name and version
-    # (n, 10) bodies; those fixed to each other are summed in the frame of the moving link
-    pi: Array
+    # (n, 4, 4) pseudo-inertias; fixed bodies are summed in the frame of the moving link
+    bodies: Array
     joints: dict[str, Any]  # name of a joint → its prim
     stage: Any  # to which the prims belong; they expire with it
 
@@ -108,14 +107,7 @@ def reload(text: str, model: IdentifiedModel) -> ReloadedStage | None:
         if carrier is not None and body is not None:
             P[carrier] = P[carrier] + T @ body.pseudo_inertia @ T.T
     version = ".".join(map(str, Usd.GetVersion()))
-    return ReloadedStage(f"usd-core {version}", np.array([_pi_of(P[k]) for k in P]), joints, stage)
-
-
-def _pi_of(P: Array) -> Array:
-    """Parameters π (10,) of a pseudo-inertia: m, m c, XX, YY, ZZ, XY, XZ, YZ about the origin."""
-    sigma = P[:3, :3]
-    inertia = np.trace(sigma) * np.eye(3) - sigma
-    return pi_from_parts(P[3, 3], P[:3, 3], inertia_entries(inertia))
+    return ReloadedStage(f"usd-core {version}", np.array(list(P.values())), joints, stage)
 
 
 def _body(prim: Any) -> RigidBody | None:

@@ -28,14 +28,14 @@ def differences(monkeypatch: pytest.MonkeyPatch) -> Callable[[Path, Path], list[
 
 def case(folder: Path, mass: float = 2.5, small: float = 0.0, out: str = "mass: 2.5 kg") -> Path:
     """Folder of results with one case that wrote a JSON file and arrays."""
-    times = f"time of the method: {mass} s\nmap  0.251  j2 0.043  –  {mass}  6"
+    times = f"time of the method: {mass} s\nmap  0.180  0.251  j2 0.043  –  {mass}  6"
     run = {"command": "identify", "exit": 0, "out": f"{out}\n{times}", "err": ""}
     place = folder / "one" / "out"
     place.mkdir(parents=True)
     (folder / "one.json").write_text(json.dumps([run]))
     facts = {"links": [{"mass": mass, "name": "a"}], "seconds": mass, "gap": None}
     (place / "result.json").write_text(json.dumps(facts))
-    cells = "</td><td>".join(("map", "0.18 %", "0.251 %", "–", f"{mass}", "6"))
+    cells = "</td><td>".join(("map", "0.180", "0.251", "j2 0.043", "–", f"{mass}", "6"))
     (place / "page.html").write_text(f'<tr data-m="map"><td>{cells}</td></tr>', encoding="utf-8")
     np.savez(place / "arrays.npz", pi=np.array([1.0, 1e-5 * mass, small]))
     return folder

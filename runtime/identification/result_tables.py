@@ -134,7 +134,7 @@ def _of_method(row: Mapping[str, Any]) -> tuple[str, ...]:
         return (str(row["method"]), *(NOTHING,) * 8, str(row["outcome"]))
     worst = int(np.argmax(row["rms"]))
     base, gap = row["base_error_percent"], row["gap_to_convex_optimum"]
-    verdict = str(row["outcome"]) if row["consistent"] else "unphysical"
+    verdict = "consistent" if row["consistent"] else "inconsistent"
     return (
         str(row["method"]),
         f"{row['train_percent']:.3f}",

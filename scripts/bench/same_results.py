@@ -50,8 +50,8 @@ MASKS = {
     r"(time of the method: )\S+ s\b": r"\1TIME",
     r"(Computing time<b>)[^<]*": r"\1TIME",
     # Of a method in the tables of `compare`: name, error, worst joint, error of π, time.
-    r"^((?:\| )?[a-z-]+ (?:\| )?\S+ (?:\| )?j\d+ \S+ (?:\| )?\S+ (?:\| )?)[\d.]+": r"\1TIME",
-    r"(data-m=[^>]+>(?:<td>[^<]*</td>){4}<td>)[\d.]+": r"\1TIME",
+    r"^((?:\| )?[a-z-]+ (?:\| )?(?:\S+ (?:\| )?){2}j\d+ \S+ (?:\| )?\S+ (?:\| )?)[\d.]+": r"\1TIME",
+    r"(data-m=[^>]+>(?:<td>[^<]*</td>){5}<td>)[\d.]+": r"\1TIME",
     r"\s*<svg\b[\s\S]*?</svg>\s*": "PICTURE",  # of numbers that stand in other files
 }
 """Expression → what replaces it in every text."""

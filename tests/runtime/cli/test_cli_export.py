@@ -33,7 +33,7 @@ def test_export_writes_what_others_load(
     assert ran.out.count("verified: reloaded by") == 9
     again = command("export", "out", "--robot", lib.folder, "--to", "mjcf,urdf")
     assert again.code == 2
-    assert "fr3.xml' exists" in again.err
+    assert "fr3.xml' and 1 more files exist" in again.err
     assert command("export", "out", "--robot", lib.folder, "--to", "urdf", "--overwrite").code == 0
     assert "friction, header, casadi; got 'vrml'" in command("export", "out", "--to", "vrml").err
     assert "no valid result.json" in command("export", tmp_path).err

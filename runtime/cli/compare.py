@@ -5,7 +5,14 @@ from pathlib import Path
 from typing import Any
 
 from runtime.cli.common import ResultFolder, counting, listed, open_robot, require_page, state
-from runtime.cli.log_options import FitChoices, Log, inputs_of, split_of
+from runtime.cli.log_options import (
+    FitChoices,
+    bundled_logs,
+    inputs_of,
+    named_logs,
+    runs_of,
+    split_of,
+)
 from runtime.cli.shown_progress import shown_progress
 from runtime.common.settings import argument_field, method_field, model_field, output_field
 from runtime.common.terminal import VERBOSE, command_line, completing, say, say_notes, show
@@ -20,16 +27,18 @@ from runtime.identification.comparison.run import (
     read_truth,
 )
 from runtime.identification.comparison.two_results import compare_results
-from runtime.identification.long_logs import assemble_streamed, require_streamable
-from runtime.identification.prepared_log import prepared_log, usable_columns
-from runtime.identification.problem_setup import Assembly, assemble
+from runtime.identification.identify import Source, assembly_of_logs
+from runtime.identification.long_logs import require_streamable
+from runtime.identification.problem_setup import Assembly
 from runtime.identification.result_tables import method_table
 from runtime.identification.saved_result import read_result
 from runtime.identification.settings import AUTO, Settings
+from runtime.identification.several_logs import NamedLog
 from runtime.outputs.report.comparison import results_page
 from runtime.outputs.report.page import write_page
 from runtime.outputs.report.report import write_report
-from runtime.recording.streamed import open_log
+from runtime.recording import Recording
+from runtime.recording.streamed import StreamedRecording, open_log
 
 _WRITTEN = ResultFolder(("compare.json", "compare.md", "report.html"), "rows")
 
@@ -39,11 +48,10 @@ class CompareSettings(FitChoices):
     """Settings of `symgen compare`."""
 
     options = "robot methods out recipe run friction cutoff overwrite"
-    log: Log
-    other: Path | None = argument_field(
-        None,
-        metavar="RESULT",
-        help="Folder of a second result. LOG is then the folder of the first one.",
+    logs: list[str] = argument_field(
+        metavar="LOG...",
+        autocompletion=bundled_logs,
+        help="One or several logs, as for identify, or the folders of two results.",
     )
     methods: str | None = method_field(
         metavar="A,B,…",
@@ -60,18 +68,20 @@ class CompareSettings(FitChoices):
 
 
 def compare_command(given: CompareSettings) -> None:
-    r"""Compare all identification methods on one log, or two results with each other.
+    r"""Compare all identification methods on logs, or two results with each other.
 
     \b
     symgen compare fr3_simulated
     symgen compare log.csv --methods map,pc-ols,ols --friction auto --cutoff 10
     symgen compare log.csv --settings controller=log.loop.toml --friction viscous,coulomb
+    symgen compare a.csv b.csv --robot my
     symgen compare results/monday-map results/friday-map
 
     All methods have the same training, validation and test parts, the same weights and the same
     cut-off. The table shows their errors, consistency and time, and sentences by rule say which
     of them to use. A method that needs more than the log offers, or that fails, is a row with the
-    reason. Of a streamed log only methods that need no single samples are compared.
+    reason. Of a streamed log and of several logs only methods that need no single samples are
+    compared.
 
     Written to the folder --out: compare.json, compare.md and report.html. Ctrl-C keeps the rows
     that are complete.
@@ -80,18 +90,39 @@ def compare_command(given: CompareSettings) -> None:
     by side, and every mass, base parameter and friction coefficient with its difference in standard
     deviations; --verbose prints all tables.
     """
-    if given.other is not None:
-        _compare_results(given, given.other)
+    if any((Path(place) / "result.json").is_file() for place in given.logs):
+        _compare_results(given)
         return
-    lib = open_robot(given.robot, given.yes)
-    folder = given.out or Path("results") / f"{Path(given.log).stem}-compare"
+    lib = open_robot(given.robot, given.yes, takes_free_base=True)
+    if lib.manifest.floating:
+        raise IdentificationError(
+            "methods are compared by their errors on a validation part, which a log of a robot "
+            "with a free base has not; identify by each method, and give the folders of two results"
+        )
+    runs = runs_of(given.logs, given.run)
+    several = f"{len(runs)}-" if len(runs) > 1 else ""
+    folder = given.out or Path("results") / f"{Path(given.logs[0]).stem}-{several}compare"
     _WRITTEN.require(folder, given, given.overwrite)
     names = listed(given.methods, tuple(METHODS), "--methods") if given.methods else None
-    place = given.truth or beside(given.log)
+    place = given.truth or beside(given.logs[0])
     known = read_truth(place, lib) if place else None
     known_methods = set(names or ()) <= set(methods_from_statistics())
     needs_whole = given.controller or given.friction == AUTO or not known_methods
     streams = False if given.stream is None and needs_whole else given.stream
+    log: Source | list[NamedLog]
+    if several:
+        log = named_logs(runs, lib, given.recipe, stream=given.stream)
+    else:
+        log = open_log(given.logs[0], given.recipe, given.run, lib.joint_names, streams)
+    names = names or (tuple(METHODS) if isinstance(log, Recording) else methods_from_statistics())
+    if isinstance(log, StreamedRecording):
+        for name in names:
+            require_streamable(name)
+        others = ", ".join(name for name in METHODS if name not in methods_from_statistics())
+        say(
+            f"streaming {log.rows} rows of {log.name}; --settings stream=false reads them as a "
+            f"whole, which {others} need"
+        )
     wanted = Settings(
         friction=given.friction,
         coulomb_speed=given.coulomb_speed,
@@ -99,34 +130,15 @@ def compare_command(given: CompareSettings) -> None:
         rate=given.rate,
         regressor=given.regressor,
         split=split_of(given.split),
+        inputs=inputs_of(names, lib, controller=given.controller) or None,
+        seed=given.seed,
         refit=False,
     )
-    usable = usable_columns(names or tuple(METHODS))
     with counting(state()) as bar:
-        opened = open_log(given.log, given.recipe, given.run, lib.joint_names, streams)
-        data = prepared_log(opened, lib, wanted, usable, shown_progress(bar, "compare", lib.name))
-    options: dict[str, Any] = {
-        "preparation": data.preparation,
-        "split": data.split,
-        "friction": data.friction,
-        "seed": given.seed,
-    }
-    notes = data.notes
-    if data.streamed is None:
-        names = names or tuple(METHODS)
-        inputs = inputs_of(names, lib, controller=given.controller)
-        assembly = assemble(data.recording, lib, inputs=inputs, **options)
-    else:
-        names = names or methods_from_statistics()
-        for name in names:
-            require_streamable(name)
-        others = ", ".join(name for name in METHODS if name not in methods_from_statistics())
-        say(
-            f"streaming {data.streamed.rows} rows of {data.streamed.name}; --settings stream=false "
-            f"reads them as a whole, which {others} need"
-        )
-        assembly = assemble_streamed(data.streamed, lib, **options)
-        notes = (*notes, assembly.source_note)
+        shown = shown_progress(bar, "compare", lib.name)
+        assembly, notes = assembly_of_logs(log, lib, wanted, names, shown)
+    if assembly.source_note:
+        notes.append(assembly.source_note)
     same = ("recipe", "run", "friction", "coulomb_speed", "cutoff", "rate", "split", "regressor")
     settings = {name: getattr(given, name) for name in (*same, "seed")} | {
         "methods": list(names),
@@ -136,24 +148,25 @@ def compare_command(given: CompareSettings) -> None:
     }
     comparison = _with_progress(assembly, names, known)
     _WRITTEN.begin(folder, given)
-    _finish(write_comparison(comparison, folder, command_line(), settings, notes), folder)
+    _finish(write_comparison(comparison, folder, command_line(), settings, tuple(notes)), folder)
 
 
-def _compare_results(given: CompareSettings, other: Path) -> None:
-    taken = {"log", "other", "out", "overwrite"}
+def _compare_results(given: CompareSettings) -> None:
+    taken = {"logs", "out", "overwrite"}
     if wrong := given.stated_beyond(taken):
         raise IdentificationError(
             f"two results are compared as they are, and {', '.join(wrong)} would change a fit; "
             "leave it out, or give a log in place of the results"
         )
-    places = Path(given.log), other
-    names = places[0].resolve().name, other.resolve().name
-    names = names if names[0] != names[1] else (str(places[0]), str(other))
-    first, second = (read_result(place, with_learned=True) for place in places)
+    if len(given.logs) != 2:
+        raise IdentificationError(
+            f"expected the folders of two results, got {len(given.logs)}; give two, or logs alone"
+        )
+    names = Path(given.logs[0]).resolve().name, Path(given.logs[1]).resolve().name
+    folder = given.out or Path("results") / f"{'-'.join(names)}-compare"
+    names = names if names[0] != names[1] else (given.logs[0], given.logs[1])
+    first, second = (read_result(Path(place), with_learned=True) for place in given.logs)
     both = compare_results(first, second, names)
-    folder = (
-        given.out or Path("results") / f"{places[0].resolve().name}-{other.resolve().name}-compare"
-    )
     page = folder / "report.html"
     require_page(page, given.overwrite)
     write_page(results_page(both, first.record.robot, names), page)

@@ -6,7 +6,7 @@ What `symgen identify` writes and prints of a result, and the table of its drive
 import re
 import shlex
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import Any
 from runtime.cli.common import ResultFolder, counting, open_robot, state
 from runtime.cli.free_base import print_walk
 from runtime.cli.identify_settings import IdentifySettings
-from runtime.cli.log_options import runs_of
+from runtime.cli.log_options import named_logs, runs_of
 from runtime.cli.shown_progress import shown_progress
 from runtime.common.tables import Table
 from runtime.common.terminal import VERBOSE, command_line, program, say, say_notes, show
@@ -31,18 +31,16 @@ from runtime.identification.free_base.result import (
     write_free_base,
 )
 from runtime.identification.identified import Identification
-from runtime.identification.identify import SEVERAL_STREAMED, Source, identify, with_row_marks
+from runtime.identification.identify import Source, identify, with_row_marks
 from runtime.identification.posterior_file import spring_lines
 from runtime.identification.result_file import write_result
 from runtime.identification.result_record import ResultRecord
 from runtime.identification.result_tables import error_table, share_table, tested_on
 from runtime.identification.settings import AUTO, Settings
-from runtime.identification.several_logs import NamedLog, read_carried
 from runtime.identification.statistics_file import statistics_of, write_statistics
-from runtime.library import Array, Library
+from runtime.library import Library
 from runtime.outputs.model_files.export import write_urdf
 from runtime.outputs.report.report import left_out_table, write_report
-from runtime.recording import read_recording
 from runtime.recording.free_base import read_free_base
 from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.streamed import StreamedRecording, is_large, open_log
@@ -269,7 +267,7 @@ def identify_command(given: IdentifySettings) -> None:
         total = preset.rule.max_iterations if preset else None
         shown = shown_progress(bar, chosen, lib.name, total)
         opened = (
-            _named(runs, lib, given.recipe, given.payload_of or (), bool(given.stream))
+            named_logs(runs, lib, given.recipe, given.payload_of or (), given.stream)
             if several
             else _opened(given.logs[0], lib, given.recipe, given.run, given.stream, settings)
         )
@@ -353,39 +351,3 @@ def needs_samples(settings: Settings) -> bool:
     method = chosen_method(settings.method, settings.preset, settings.prior)
     needs = METHODS[method].needs_samples(settings.preset)
     return needs or any(options) or settings.friction == AUTO
-
-
-def _named(
-    runs: Sequence[tuple[str, str | None]],
-    lib: Library,
-    recipe: str | None,
-    payload_of: Sequence[str],
-    stream: bool,
-) -> list[NamedLog]:
-    """Several logs with their names and known payloads."""
-    if stream:
-        raise IdentificationError(SEVERAL_STREAMED)
-    carried = _carried(payload_of, [log for log, _ in runs], lib)
-    same = len({log for log, _ in runs}) == 1
-    return [
-        NamedLog(
-            f"run {run}" if same and run else Path(log).stem,
-            read_recording(log, recipe, run, lib.joint_names),
-            carried=carried.get(log),
-        )
-        for log, run in runs
-    ]
-
-
-def _carried(payload_of: Sequence[str], logs: Sequence[str], lib: Library) -> dict[str, Array]:
-    """Log → π of its known payload, from the setting payload_of."""
-    payloads = {}
-    for text in payload_of:
-        log, mark, file = text.rpartition("=")
-        if not mark or log not in logs:
-            raise IdentificationError(
-                f"the setting payload_of expects LOG=FILE with a log of {', '.join(logs)}; got "
-                f"'{text}'"
-            )
-        payloads[log] = read_carried(Path(file), lib)
-    return payloads

@@ -29,10 +29,12 @@ from runtime.common.terminal import completing
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import METHODS
 from runtime.estimators.prior_file import PriorFile, read_prior
+from runtime.identification.identify import SEVERAL_STREAMED
 from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.identification.settings import AUTO
-from runtime.library import Library
-from runtime.recording import EVERYTHING, REGRESSORS, Friction, Split
+from runtime.identification.several_logs import NamedLog, read_carried
+from runtime.library import Array, Library
+from runtime.recording import EVERYTHING, REGRESSORS, Friction, Split, read_recording
 from runtime.recording.log_files import known_names
 from runtime.recording.settings import COLUMNS
 
@@ -242,6 +244,42 @@ def runs_of(logs: Sequence[str], run: str | None) -> list[tuple[str, str | None]
     if len(logs) == 1 and run is not None and "," in run:
         return [(logs[0], each.strip()) for each in run.split(",")]
     return [(log, run) for log in logs]
+
+
+def named_logs(
+    runs: Sequence[tuple[str, str | None]],
+    lib: Library,
+    recipe: str | None,
+    payload_of: Sequence[str] = (),
+    stream: bool | None = None,
+) -> list[NamedLog]:
+    """Several logs with their names and known payloads."""
+    if stream:
+        raise IdentificationError(SEVERAL_STREAMED)
+    carried = _carried(payload_of, [log for log, _ in runs], lib)
+    same = len({log for log, _ in runs}) == 1
+    return [
+        NamedLog(
+            f"run {run}" if same and run else Path(log).stem,
+            read_recording(log, recipe, run, lib.joint_names),
+            carried=carried.get(log),
+        )
+        for log, run in runs
+    ]
+
+
+def _carried(payload_of: Sequence[str], logs: Sequence[str], lib: Library) -> dict[str, Array]:
+    """Log → π of its known payload, from the setting payload_of."""
+    payloads = {}
+    for text in payload_of:
+        log, mark, file = text.rpartition("=")
+        if not mark or log not in logs:
+            raise IdentificationError(
+                f"the setting payload_of expects LOG=FILE with a log of {', '.join(logs)}; got "
+                f"'{text}'"
+            )
+        payloads[log] = read_carried(Path(file), lib)
+    return payloads
 
 
 def prior_of(path: Path | None, lib: Library) -> PriorFile | None:

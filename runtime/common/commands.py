@@ -95,7 +95,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         _run("fleet", "Compute the prior of a type of robot from many units of it."),
         _run(
             "compare",
-            "Compare all identification methods on one log, or two results with each other.",
+            "Compare all identification methods on logs, or two results with each other.",
         ),
     ),
     "Use a result": (

@@ -31,7 +31,7 @@ from runtime.identification.prepared_log import (
     usable_columns,
     without_memory,
 )
-from runtime.identification.problem_setup import settings_for
+from runtime.identification.problem_setup import Assembly, settings_for
 from runtime.identification.settings import (
     AUTO,
     PER_JOINT,
@@ -43,7 +43,7 @@ from runtime.identification.settings import (
     settings_from,
 )
 from runtime.identification.several_logs import NamedLog
-from runtime.identification.single_log import FittedSource, identify_recording
+from runtime.identification.single_log import FittedSource, assembly_of, identify_recording
 from runtime.library import Library, require_library
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.commanded_torque import without_ends
@@ -139,29 +139,23 @@ def identify(
     named = _named(log)
     if isinstance(named[0].recording, StreamedRecording):
         require_streamable(method, chosen.preset)
-    data = _prepared_logs(named, lib, chosen, method, shown)
+    data = _prepared_logs(named, lib, chosen, usable_columns([method]), shown)
     several, is_streamed = len(named) > 1, data[0].streamed is not None
     # The drives of one log in memory are estimated together with the links, others before.
     is_together = not (several or is_streamed)
     request = drive_request(data[0], chosen, method) if is_together else None
     if several or request is not None:
         data = with_drives(data, lib, chosen)
-    names = [each.name for each in named]
-    notes = [f"{name}: {note}" if several else note
-             for name, log in zip(names, data, strict=True) for note in log.notes]  # fmt: skip
+    names, notes = [each.name for each in named], _notes(named, data)
     data = [replace(log, preparation=delayed(log, chosen)) for log in data]
     delays = list[DriveFit]()
     if not is_together:
         data, delays, of_delays = without_drives(names, data, lib, chosen, shown)
         notes += of_delays
     first = data[0]
-    source: FittedSource = first.streamed or first.recording
+    source = _source(named, data)
     if several:
         shown.step(f"fitting {len(named)} logs")
-        source = [
-            replace(log, recording=each.recording, preparation=each.preparation)
-            for log, each in zip(named, data, strict=True)
-        ]
     bare = first.settings(chosen, None if several else first.preparation)
     columns = METHODS[method].default_columns
     stated = chosen.friction is not None or chosen.coulomb_speed is not None
@@ -226,14 +220,48 @@ def with_row_marks(
     return replace(result, row_marks=np.unique(np.concatenate(marks))[:COUNT])
 
 
+def assembly_of_logs(
+    log: Source | Sequence[Source],
+    lib: Library,
+    settings: Settings,
+    methods: Sequence[str],
+    progress: Progress = SILENT,
+) -> tuple[Assembly, list[str]]:
+    """The problem of a log or of several that some methods share; sentences on what was chosen."""
+    _require_logs(log, lib, settings)
+    named = _named(log)
+    data = _prepared_logs(named, lib, settings, usable_columns(methods), progress)
+    bare = data[0].settings(settings, None if len(named) > 1 else data[0].preparation)
+    return assembly_of(_source(named, data), lib, bare, progress), _notes(named, data)
+
+
+def _source(named: Sequence[NamedLog], data: Sequence[PreparedLog]) -> FittedSource:
+    """What is fitted: a log, or several with their preparations."""
+    if len(named) == 1:
+        return data[0].streamed or data[0].recording
+    return [
+        replace(log, recording=each.recording, preparation=each.preparation)
+        for log, each in zip(named, data, strict=True)
+    ]
+
+
+def _notes(named: Sequence[NamedLog], data: Sequence[PreparedLog]) -> list[str]:
+    several = len(named) > 1
+    return [f"{log.name}: {note}" if several else note
+            for log, each in zip(named, data, strict=True) for note in each.notes]  # fmt: skip
+
+
 def _prepared_logs(
-    named: Sequence[NamedLog], lib: Library, settings: Settings, method: str, progress: Progress
+    named: Sequence[NamedLog],
+    lib: Library,
+    settings: Settings,
+    usable: tuple[str, ...],
+    progress: Progress,
 ) -> list[PreparedLog]:
     """The logs with what is chosen from them.
 
     Friction model, regressor and gains of currents come from the first log, a cut-off from each.
     """
-    usable = usable_columns([method])
     if len(named) == 1 and (settings.delay is not None or settings.encoder_bias):
         # The result states Coulomb friction per drive.
         usable = without_memory(usable)

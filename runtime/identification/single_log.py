@@ -45,7 +45,7 @@ from runtime.estimators.uncertainty import Uncertainty, uncertainty_of
 from runtime.identification.identified import Identification, TrainedModel, torque_of
 from runtime.identification.long_logs import assemble_streamed
 from runtime.identification.problem_setup import NO_MASSES, Assembly, assemble, settings_for
-from runtime.identification.settings import Progress, Settings, bare_settings, progress_of
+from runtime.identification.settings import SILENT, Progress, Settings, bare_settings, progress_of
 from runtime.identification.several_logs import NamedLog, assemble_logs
 from runtime.library import Array, Library, Mask
 from runtime.recording import Friction, Recording
@@ -125,6 +125,20 @@ def _replaced(
 FittedSource = Recording | StreamedRecording | Sequence[NamedLog]
 
 
+def assembly_of(
+    log: FittedSource,
+    lib: Library,
+    settings: Settings,
+    progress: Progress = SILENT,
+    is_joined: bool = False,
+) -> Assembly:
+    """The problem of any log, or of several."""
+    kind: Callable[..., Assembly] = assemble_logs
+    if isinstance(log, (Recording, StreamedRecording)):
+        kind = assemble if isinstance(log, Recording) else assemble_streamed
+    return kind(log, lib, settings, progress=progress, is_joined=is_joined)
+
+
 @one_blas_thread
 def identify_recording(
     log: FittedSource,
@@ -141,10 +155,7 @@ def identify_recording(
     chosen = settings_for(lib, bare_settings(settings, keywords))
     method = chosen_method(chosen.method, chosen.preset, chosen.prior)
     joins = not METHODS[method].uses_validation
-    kind: Callable[..., Assembly] = assemble_logs
-    if isinstance(log, (Recording, StreamedRecording)):
-        kind = assemble if isinstance(log, Recording) else assemble_streamed
-    assembly = kind(log, lib, chosen, progress=progress_of(progress), is_joined=joins)
+    assembly = assembly_of(log, lib, chosen, progress_of(progress), joins)
     result = identify_assembled(assembly, chosen)
     if assembly.finish is None:
         return result

@@ -108,8 +108,10 @@ AFTERWARDS: dict[str, tuple[str, ...]] = {
     "predict": ("predict", "LOG", "--more", "same"),
     "sample": ("sample", "OUT", "--count", "2", "--to", "urdf", "--overwrite"),
     "rerun": ("rerun", "OUT"),
+    "compare": ("compare", "LOGS", "--methods", "map,ols,lm", "--overwrite"),
+    "gains": ("gains", "LOG", "--total-mass", "6"),
 }
-"""Command that follows → its words; LOG is the log itself, OUT the folder of the result."""
+"""Command that follows → its words; LOG is the log itself, LOGS all of them, OUT the result."""
 
 REASONS = {
     "a": ("one by one|samples of one run|sample by sample", "filters, nets and mini-batches take "
@@ -126,6 +128,10 @@ REASONS = {
     "f": ("uses the friction columns", "the method has no rotor inertia, which a commanded torque "
           "needs"),
     "g": ("gains are unknown", "the cut-off is chosen on torques, before gains are estimated"),
+    "i": ("by their errors on a validation part", "the choice of a method needs a validation "
+          "part, which a walk is not split into: compare takes two results of it"),
+    "j": ("torque or motor currents, got one without", "a commanded torque is that of a law: no "
+          "sensor, whose gain could be wrong"),
     "h": ("free base|fixed base", "rows of a free base: wrenches that were not measured are "
           "eliminated instant by instant, which integrals over time, a chosen cut-off, biases of "
           "encoders and observers do not allow"),
@@ -149,7 +155,7 @@ def table(cells: Mapping[tuple[str, str], str]) -> str:
     lines = [f"| | {' | '.join(names)} |", f"|---|{'---|' * len(names)}"]
     for feature in (*FEATURES, *AFTERWARDS):
         lines.append(f"| {feature} | {' | '.join(cells[feature, name] for name in names)} |")
-    legend = [f"- **{letter}**: {reason}." for letter, (_, reason) in REASONS.items()]
+    legend = [f"- **{letter}**: {reason}." for letter, (_, reason) in sorted(REASONS.items())]
     return "\n".join([*lines, "", *legend])
 
 
@@ -227,4 +233,6 @@ def words_of(kind: Kind, feature: str, robot: Path) -> tuple[list[str], list[str
     if "LOG" in AFTERWARDS[feature]:
         words += ["--robot", str(robot)]
         words += ["--recipe", kind.logs[-1]] if "--recipe" in kind.logs else []
+    if "LOGS" in words:
+        words = [*words[:1], *log, *kind.further, *words[2:]]
     return first, words

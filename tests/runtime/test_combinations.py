@@ -1,8 +1,10 @@
 """Every kind of log with every feature: it works, or is refused for the reason of the table."""
 
+import json
 from pathlib import Path
 
 import numpy as np
+import pinocchio
 import pytest
 
 from runtime import identify, read_free_base
@@ -97,6 +99,33 @@ def test_mirrored_limbs_of_a_walk_are_tied(walker: Library, logs: Path) -> None:
     assert any("are tied to their mean within 10 %" in note for note in tied.record.warnings)
     # The walk has equal friction on both sides.
     assert all(each.agrees for each in apart.record.symmetric)
+
+
+def test_methods_are_compared_on_several_logs(pair: Library, logs: Path, command: Command) -> None:
+    """Oracle: least squares over Pinocchio's regressor of the training rows of both logs."""
+    model = pinocchio.buildModelFromXML(combinations.PAIR)
+    data, trained, tested = model.createData(), list[np.ndarray](), list[np.ndarray]()
+    for name in ("one", "two"):
+        log = dict(np.load(logs / f"{name}.npz"))
+        t, ddq = log["t"], np.gradient(log["dq"], log["t"], axis=0)
+        np.savez(logs / f"{name}-ddq.npz", **log, ddq=ddq)
+        rows = [
+            np.column_stack([pinocchio.computeJointTorqueRegressor(model, data, *motion), tau])
+            for *motion, tau in zip(log["q"], log["dq"], ddq, log["tau"], strict=True)
+        ]
+        share = (t - t[0]) / (t[-1] - t[0])
+        trained += [row for row, x in zip(rows, share, strict=True) if x < 0.48]
+        tested += [row for row, x in zip(rows, share, strict=True) if x >= 0.6]
+    fitted, unseen = np.concatenate(trained), np.concatenate(tested)
+    pi = np.linalg.lstsq(fitted[:, :-1], fitted[:, -1], rcond=1e-10)[0]
+    rest = unseen[:, -1] - unseen[:, :-1] @ pi
+    error = 100 * np.linalg.norm(rest) / np.linalg.norm(unseen[:, -1])
+    words = ("one-ddq.npz", "two-ddq.npz", "--robot", pair.folder, "--friction", "none")
+    assert command("compare", *words, "--methods", "map,ols", "--out", "methods").code == 0
+    rows = json.loads((logs / "methods" / "compare.json").read_text())["rows"]
+    # Both solve normal equations of one condition number, some 500, to rounding.
+    assert rows[1]["test_percent"] == pytest.approx(error, rel=1e-9)
+    assert rows[0]["test_percent"] != pytest.approx(error, rel=1e-3)
 
 
 def test_reasons_are_few() -> None:

@@ -94,8 +94,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         _run("gains", "Identify gain and bias of every torque sensor or drive."),
         _run("fleet", "Compute the prior of a type of robot from many units of it."),
         _run(
-            "compare",
-            "Compare all identification methods on logs, or two results with each other.",
+            "compare", "Compare all identification methods on logs, or two results with each other."
         ),
     ),
     "Use a result": (

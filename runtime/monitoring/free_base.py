@@ -5,6 +5,17 @@
 with N of `identification.free_base.rows`: a change of a torque sensor or of friction enters the
 rows of the joints, and wrenches that were not measured are eliminated. Offsets of contact sensors,
 and other errors of theirs within their σ, differ from log to log.
+
+The rows have one covariance Σ of noise, that of an accelerometer enters many of them, and the
+equations of an instant that of Nᵀ Σ N, by which they are divided. Expectation–maximisation with
+the residual e of the equations, as in `identification.free_base.drives`:
+
+    G = Σ N (Nᵀ Σ N)⁻¹,   Σ ← mean(G e eᵀ Gᵀ + Σ − G Nᵀ Σ)
+
+A gain moves the torque that the model needs, not the measured one, whose noise is in the residual.
+Where no wrench was measured all gains together are all masses together: the torques needed have to
+satisfy the equations, Nᵀ [0; τ − δ] = Nᵀ [0; τ] − e, or the small difference of both columns is
+noise of the residual itself.
 """
 
 from dataclasses import replace
@@ -35,7 +46,11 @@ from runtime.recording.friction.model import torque as friction_torque
 LARGEST_SHARE = 0.5
 """Share of a measured torque that may be that of a wrong gain."""
 LEAST = 1e-3
-"""Noise of a row relative to its size, at least."""
+"""Noise of an equation relative to its size, at least."""
+SMALL = 1e-2
+"""Share of the torques in an equation below which they hardly enter it."""
+PASSES, ENOUGH = 15, 1000
+"""Passes of expectation–maximisation, and instants that they take."""
 
 
 def free_changes_of(lib: Library, saved: SavedResult, log: FreeBaseRecording) -> Changes:
@@ -56,22 +71,24 @@ def free_changed_rows(
     samples, errors = rows.samples, sensor_errors(motion.contacts)
     tau, base = samples.tau, samples.base_rows(lib)
     rest = tau - samples.rigid(lib, saved.pi) - samples.columns @ phi
-    over = 1.0 / np.maximum(np.maximum(rms(rest), LEAST * rms(tau)), 1e-300)
+    over = _over_noise(rows.basis, rest, LEAST * rms(tau))
+    left = np.einsum("nlm,nm->nl", over, rest)
     named: Array = np.zeros((*tau.shape, 0))
     if changes.names and motion.tau is not None:
         friction = []
         if motion.friction is not None:
             changing = changing_friction(model_of(saved, lib))
             friction = [friction_torque(motion.friction, each, None) for each in changing]
-        basis = rows.basis[:, -lib.n_joints :] * over
-        each = basis.transpose(0, 2, 1) * motion.tau[:, None]
-        share = np.einsum("nmj,nm->j", each, rest * over) / np.sum(each**2, axis=(0, 1))
+        in_torques = rows.basis[:, -lib.n_joints :]
+        basis = over @ in_torques.swapaxes(1, 2)
+        each = basis * motion.tau[:, None]
+        share = np.einsum("nmj,nm->j", each, left) / np.sum(each**2, axis=(0, 1))
         # Torques without their visible noise, which would be in columns and residual. Of (1 + g) τ
         # a share s = g / (1 + g) is too much: without it a gain has its true size.
-        by_model = motion.tau - rows.over_rows(rest)[:, -lib.n_joints :]
+        by_model = motion.tau - _torques_of(in_torques, rest)
         sizes = np.sum(motion.tau**2, axis=0) / np.sum(motion.tau * by_model, axis=0)
         by_model *= sizes * (1 - share.clip(-LARGEST_SHARE, LARGEST_SHARE))
-        named = np.einsum("njm,njc->nmc", basis, named_columns(motion.t, by_model, friction))
+        named = np.einsum("nmj,njc->nmc", basis, named_columns(motion.t, by_model, friction))
     spread = samples.columns[:, :, : len(errors)] * np.array([sigma for _, sigma in errors])
     sessions = np.concatenate([rows.offsets, spread], axis=2)
     of_drives = samples.columns[:, :, len(errors) :]
@@ -79,12 +96,40 @@ def free_changed_rows(
     moved = Samples(motion.q[:, joints], motion.dq[:, joints], None, tau, samples.columns)
     return ChangedRows(
         motion.t,
-        rest * over,
+        left,
         error_percent(rest, tau),
-        np.concatenate([named, base * over[:, None]], axis=2),
-        np.concatenate([base, of_drives], axis=2) * over[:, None],
+        np.concatenate([named, over @ base], axis=2),
+        over @ np.concatenate([base, of_drives], axis=2),
         np.zeros((*tau.shape, 0)),
-        slow_cosines(moved),
+        # Noise of an accelerometer is in the columns at all frequencies.
+        slow_cosines(moved, least_hz=0.0),
         low_pass_inflation(cutoff, motion.t),
-        sessions=sessions * over[:, None],
+        sessions=over @ sessions,
+    )
+
+
+def _over_noise(basis: Array, rest: Array, least: Array) -> Array:
+    """W (N, m, m) with W e of covariance 1, for e = Nᵀ r (N, m), by the basis N (N, k, m).
+
+    least (m,) is noise of every equation.
+    """
+    some = slice(None, None, max(1, len(rest) // ENOUGH))
+    few, seen, floor = basis[some], rest[some], np.diag(np.maximum(least, 1e-150) ** 2)
+    sigma = rms(np.einsum("nkm,nm->nk", few, seen)) + float(least.max())
+    covariance = np.diag(np.maximum(sigma, 1e-150) ** 2)
+    for _ in range(PASSES):
+        moved = covariance @ few
+        gain = np.linalg.solve(few.swapaxes(1, 2) @ moved + floor, moved.swapaxes(1, 2))
+        rows = np.einsum("nmk,nm->nk", gain, seen)
+        known = np.einsum("nkm,nml->kl", moved, gain) / len(rows)
+        covariance = covariance + rows.T @ rows / len(rows) - known
+    spread = basis.swapaxes(1, 2) @ covariance @ basis + floor
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(spread)))
+
+
+def _torques_of(basis: Array, rest: Array) -> Array:
+    """Least torques δ (N, n) with Nᵀ [0; δ] = e where torques enter, by their part of the basis."""
+    across = basis.swapaxes(1, 2) @ basis + SMALL**2 * np.eye(basis.shape[2])
+    return np.asarray(
+        np.einsum("njm,nm->nj", basis, np.linalg.solve(across, rest[..., None])[..., 0])
     )

@@ -189,12 +189,12 @@ def slow_part(columns: Array, cosines: int) -> Array:
     return np.asarray(idct(waves, axis=0, norm="ortho"))
 
 
-def slow_cosines(samples: Samples) -> int:
-    """Number of cosines of time of the motion; at most that of the samples."""
+def slow_cosines(samples: Samples, least_hz: float = BAND_HZ) -> int:
+    """Number of cosines of time of the motion, at least of `least_hz`, at most of the samples."""
     power = np.cumsum(np.sum(dct(samples.dq, axis=0, norm="ortho") ** 2, axis=1))
     fastest = int(np.searchsorted(power, OF_SPEED * power[-1]))
     step = time_step(samples) or np.inf
-    return int(min(max(2 * BAND_HZ * step * len(samples), fastest) + 1, len(samples)))
+    return int(min(max(2 * least_hz * step * len(samples), fastest) + 1, len(samples)))
 
 
 def tells(equations: int, cosines: int, unknowns: int) -> bool:

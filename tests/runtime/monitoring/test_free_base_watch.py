@@ -115,6 +115,30 @@ def test_a_torque_sensor_is_named(
     assert verdict.best.interval[0] < size < verdict.best.interval[1]
 
 
+def test_an_accelerometer_without_a_force_sensor(hopper: Library, tmp_path: Path) -> None:
+    """Oracle: noise of the accelerometer is in every equation, and no change; a body is named."""
+    noisy = virtual_log((DATA / "hopper.urdf").read_text(), ("left_foot",), 4, NOISE).arrays
+    shape = noisy["base_acceleration"].shape
+    rng = np.random.default_rng(4)
+    noisy["base_acceleration"] = noisy["base_acceleration"] + 0.05 * rng.normal(size=shape)
+
+    def half(part: slice, arrays: Arrays) -> Arrays:
+        cut = {key: x[part] if len(x) == NOISE.count else x for key, x in arrays.items()}
+        return {key: x for key, x in cut.items() if key != "contact_wrench"}
+
+    first = half(slice(0, 1200), noisy)
+    result = identify(free_base_of(first, "first"), hopper, rows="all", cutoff=10.0)
+    write_free_base(result, tmp_path / "result", "test")
+    saved = read_result(tmp_path / "result")
+    root = read_posterior(tmp_path / "result", saved, hopper).of_readings().root(hopper)
+    watched = Watched(tmp_path, saved, root, first, half(slice(1200, None), noisy))
+    assert not watched.verdict(hopper, watched.second).changed
+    best = watched.verdict(hopper, half(slice(1200, None), loaded(hopper, noisy))).best
+    assert (best.group, best.where) == ("payload", hopper.link_names[0])
+    assert best.interval is not None
+    assert best.interval[0] < CARRIED < best.interval[1]
+
+
 def test_command(hopper: Library, watched: Watched, command: Command, tmp_path: Path) -> None:
     """Property: exit code 1 for a change; the log of the model itself has p = 1."""
     for name, arrays in (("first", watched.first), ("pack", loaded(hopper, watched.second))):

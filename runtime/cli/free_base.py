@@ -3,10 +3,13 @@
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+import numpy as np
+
 from runtime.common.tables import Table
 from runtime.common.terminal import VERBOSE, show
 from runtime.estimators.friction_bounds import OF
 from runtime.estimators.uncertainty import PRIOR_DOMINATED
+from runtime.identification.free_base.drives import rms
 from runtime.identification.free_base.result import FreeBaseIdentification
 from runtime.identification.free_base.rows import CROSSTALK, DELAY
 from runtime.identification.result_record import ResultRecord
@@ -16,10 +19,10 @@ from runtime.recording.recipes.recipe import COMMANDED
 
 def print_walk(result: FreeBaseIdentification) -> Iterator[str]:
     """Show the errors, and give the sentences on a result."""
-    record = result.record
+    record, tested = result.record, result.predictions
     print_errors(
-        f"{result.lib.name}: errors on the last {result.seconds:.3g} s",
-        *(record.rows_of_errors[0], result.rms.tolist()),
+        f"{result.lib.name}: errors on the last {np.ptp(tested['t']):.3g} s",
+        *(record.rows_of_errors[0], rms(tested["measured"]).tolist()),
         *(record.torque_rms.before, record.torque_rms.after),
     )
     if not result.is_consistent:

@@ -196,12 +196,12 @@ def _predict_walk(lib: Library, given: PredictSettings) -> None:
     )
     columns = list(result.friction.columns)
     if given.as_json:
-        figures = {"robot": lib.name, "motion": log.name, "seconds": result.trained_seconds}
+        figures = {"robot": lib.name, "motion": log.name, "seconds": result.evidence.seconds}
         known = figures | {"friction": columns, TOTAL_MASS: before[TOTAL_MASS]} | facts(now, lib)
         print(json_text(known | facts_of_steps(steps)), end="")
         return
     say(
-        f"{log.name}: {result.trained_seconds:.3g} s train, friction columns: "
+        f"{log.name}: {result.evidence.seconds:.3g} s train, friction columns: "
         f"{', '.join(columns) or 'none'}; σ contain offsets of the contact sensors"
     )
     show(base_table(now, lib))

@@ -33,6 +33,8 @@ T = TypeVar("T")
 Name = Annotated[str, Meta(min_length=1)]
 Factors = Annotated[dict[str, float], Meta(min_length=1)]
 Vector3 = tuple[float, float, float]
+NotNegative = Annotated[float, Meta(ge=0)]
+Positive = Annotated[float, Meta(gt=0)]
 """Types of fields that stand in several records."""
 
 _FAULT = re.compile(r"(?P<text>.*?)(?: - at (?:`key` in )?`(?P<path>[^`]*)`)?", re.DOTALL)

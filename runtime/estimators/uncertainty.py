@@ -24,6 +24,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from runtime.common.records import Positive
 from runtime.estimators.contradictions import ModelTests, model_tests
 from runtime.estimators.convex.entropic_prior import (
     CAD,
@@ -64,8 +65,8 @@ class LogInformation:
     """Data and prior of a posterior, exp(−‖R [K π; φ] − r‖²/2S − κ Σ_k [tr(P0⁻¹P) − log det P])."""
 
     statistics: Statistics  # R and r of all training samples over their noise and model error
-    density: float  # S, variance with which the noise enters the unknowns
-    kappa: float  # κ, trust in the centre of the prior
+    density: Positive  # S, variance with which the noise enters the unknowns
+    kappa: Positive  # κ, trust in the centre of the prior
     centre: Array  # π0 of the prior, (10 n,)
 
 

@@ -15,15 +15,15 @@ friction columns, it is held at the bound 0, or learned friction shares its torq
 The file states π of its result.json and is refused beside another one.
 """
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta
 
-from runtime.common.files import replacing, require_file
-from runtime.errors import IdentificationError, RecordingError
+from runtime.common.files import bytes_of
+from runtime.errors import IdentificationError
 from runtime.estimators.convex.entropic_prior import bodies_of
 from runtime.estimators.regression.factor import Elimination, Reduced, reduce
 from runtime.estimators.regression.posterior import posterior_of
@@ -32,38 +32,26 @@ from runtime.estimators.uncertainty import LogInformation, without_gains
 from runtime.identification.identified import Identification
 from runtime.identification.result_record import FrictionPart, plain
 from runtime.identification.saved_result import SavedResult
-from runtime.identification.statistics_file import Positive, StoredStatistics
 from runtime.library import Array, Library, Mask
-from runtime.recording.formats.npz import open_npz, record_from_arrays
+from runtime.recording.formats.npz import open_npz, record_from_arrays, refusing
 from runtime.recording.settings import SPRING, names_where
 
 FILE = "posterior.npz"
 
 
-class _Stored(StoredStatistics, frozen=True, forbid_unknown_fields=False):
-    """The file; fields are those of `LogInformation` and `SavedPosterior`."""
-
-    centre: Array
-    pi: Array
-    pi_root: Array
-    kappa: Positive
-    logs: Annotated[int, Meta(ge=0)]
-    phi_nuisance: Array | None = None
-    gains: Annotated[int, Meta(ge=0)] = 0
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class SavedPosterior:
-    """SavedPosterior of π and of the friction coefficients φ."""
+    """Posterior of π and of the friction coefficients φ, as its file holds it."""
 
     information: LogInformation  # data and prior
     pi: Array  # π of the result, (10 n,)
     pi_root: Array  # L_π, root of the covariance of π, (10 n, columns)
-    joints: int  # number n of joints, the rows of φ
-    logs: int  # number of logs with offsets of their own; 0 for one log. The offset is their mean
+    # number of logs with offsets of their own; 0 for one log. The offset is their mean
+    logs: Annotated[int, Meta(ge=0)]
     # what the m columns of L_π behind the first 10 n move φ at known π, (n k, m)
     phi_nuisance: Array | None = None
-    gains: int = 0  # number of columns of torque gains before the last of L_π
+    gains: Annotated[int, Meta(ge=0)] = 0  # columns of torque gains before the last of L_π
+    joints: int = 0  # number n of joints, the rows of φ; the library states it
 
     def of_readings(self) -> "SavedPosterior":
         """The posterior of what predicts readings of the same sensors: without their gains."""
@@ -113,25 +101,7 @@ def posterior_of_result(result: Identification) -> SavedPosterior | None:
     if known is None or known.information is None:
         return None
     root, moved, joints = known.root, known.phi_nuisance, result.lib.n_joints
-    return SavedPosterior(known.information, result.pi, root, joints, logs, moved, known.gains)
-
-
-def write_posterior(folder: Path, posterior: SavedPosterior) -> None:
-    """Write posterior.npz into the folder of a result, as a whole or not at all."""
-    known, moved = posterior.information, posterior.phi_nuisance
-    with replacing(folder / FILE) as file:
-        np.savez(
-            file,
-            **asdict(known.statistics),
-            centre=known.centre,
-            pi=posterior.pi,
-            pi_root=posterior.pi_root,
-            density=known.density,
-            kappa=known.kappa,
-            logs=posterior.logs,
-            phi_nuisance=np.zeros((0, 0)) if moved is None else moved,
-            gains=posterior.gains,
-        )
+    return SavedPosterior(known.information, result.pi, root, logs, moved, known.gains, joints)
 
 
 def path_of_posterior(result: Path) -> Path:
@@ -142,47 +112,41 @@ def path_of_posterior(result: Path) -> Path:
 def read_posterior(result: Path, saved: SavedResult, lib: Library) -> SavedPosterior:
     """Read the posterior of a result."""
     path = path_of_posterior(result)
-    try:
-        arrays = open_npz(require_file(path).read_bytes(), path.name)
-        stored = record_from_arrays(_Stored, arrays, path.name)
-    except FileNotFoundError:
-        raise IdentificationError(
-            f"expected '{path}', which identify writes beside result.json, and there is none; "
-            "identify again with this version and a method that states uncertainties"
-        ) from None
-    except (OSError, RecordingError, ValueError, TypeError):
-        raise IdentificationError(
-            f"'{path}' is damaged or holds no posterior; identify again"
-        ) from None
+    with refusing(
+        f"expected '{path}', which identify writes beside result.json, and there is none; "
+        "identify again with this version and a method that states uncertainties",
+        f"'{path}' is damaged or holds no posterior; identify again",
+    ):
+        file = open_npz(bytes_of(path), path.name)
+        stored = record_from_arrays(SavedPosterior, file, path.name)
     if not np.array_equal(stored.pi, saved.pi):
         raise IdentificationError(
             f"'{path}' belongs to another result.json than the one beside it; identify again"
         )
-    size, base, logs = stored.target.size, stored.base_matrix, stored.logs
+    data, logs, centre = stored.information.statistics, stored.logs, stored.information.centre
+    size, base = data.target.size, data.base_matrix
     if base.shape != lib.base_matrix.shape or not np.allclose(base, lib.base_matrix, atol=1e-9):
         raise IdentificationError(
             f"'{path}' has other base parameters than '{lib.name}' has now; identify again"
         )
     columns = saved.phi.shape[1] + max(logs - 1, 0)
-    root, every = stored.pi_root, (stored.factor, stored.target, stored.centre, stored.pi_root)
-    moved = stored.phi_nuisance
+    root, moved = stored.pi_root, stored.phi_nuisance
     fits = (
         (moved is None or (moved.shape[:1] == (size - len(base),) and np.isfinite(moved).all()))
-        and stored.factor.shape == (size, size)
+        and data.factor.shape == (size, size)
         and size == len(base) + lib.n_joints * columns
-        and stored.centre.shape == lib.pi0.shape
+        and centre.shape == lib.pi0.shape
         and root.ndim == 2
         and stored.gains < root.shape[1]
         and len(root) == len(lib.pi0)
-        and all(np.isfinite(each).all() for each in every)
-        and bodies_of(lib).log_det(stored.centre) is not None
+        and all(np.isfinite(each).all() for each in (data.factor, data.target, centre, root))
+        and bodies_of(lib).log_det(centre) is not None
     )
     if not fits:
         raise IdentificationError(
             f"'{path}' is damaged (its arrays do not fit together); identify again"
         )
-    known = LogInformation(stored.statistics, stored.density, stored.kappa, stored.centre)
-    return SavedPosterior(known, stored.pi, root, lib.n_joints, logs, moved, stored.gains)
+    return replace(stored, joints=lib.n_joints)
 
 
 def friction_root(result: Identification) -> Array | None:

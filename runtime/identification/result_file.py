@@ -36,6 +36,7 @@ from runtime.identification.saved_result import (
 from runtime.library import Array, Library, load, require_library
 from runtime.library.manifest import file_units
 from runtime.recording import Preparation, Recording
+from runtime.recording.formats.npz import write_arrays
 from runtime.recording.preprocessing import is_filtered
 from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.rest_speeds import STILL
@@ -252,15 +253,11 @@ def record_of(result: Identification, command: str) -> schema.ResultRecord:
     train = compress(lib, samples_of(result.train, lib), np.ones(lib.n_joints))
     warnings = warnings_of(result, *errors[:2])
     percent, rms = schema.error_parts(*errors)
-    return schema.ResultRecord(
-        format=schema.FORMAT,
+    return record_about(
+        *(lib, result.pi, result.lam),
         method=result.method,
-        robot=lib.name,
         base="fixed",
-        model=model_part(lib),
         status=result.status,
-        joints=lib.joint_names,
-        units=tuple(file_units(lib.manifest)),
         recording=_recording(result),
         torque_source=result.train.torque_source,
         control_law=None if law is None else schema.ControlLaw(law=law.law, **law.numbers),
@@ -270,7 +267,6 @@ def record_of(result: Identification, command: str) -> schema.ResultRecord:
         drive=drives,
         torque_error_percent=percent,
         torque_rms=rms,
-        links=schema.link_parts(lib, result.pi, result.relative_eigenvalues),
         consistent=result.is_consistent,
         gap_to_convex_optimum=schema.plain(result.gap),
         uncertainty=_uncertainty(result),
@@ -283,13 +279,26 @@ def record_of(result: Identification, command: str) -> schema.ResultRecord:
         seconds=result.seconds,
         warnings=tuple(warnings),
         doubts=tuple(doubts_of(result, warnings)),
-        pi=schema.plain(result.pi),
-        lam=schema.plain(result.lam),
-        beta=schema.plain(result.beta),
         condition_number=train.condition(),
         trained=trained,
         sessions=result.agreement,
         provenance=provenance_of(lib, command, dict(result.train.source), result.seed),
+    )
+
+
+def record_about(lib: Library, pi: Array, lam: Array | None, **facts: Any) -> schema.ResultRecord:
+    """Record of a robot with its parameters, and the facts that belong to the kind of log."""
+    return schema.ResultRecord.with_gaps(
+        format=schema.FORMAT,
+        robot=lib.name,
+        model=model_part(lib),
+        joints=lib.joint_names,
+        units=tuple(file_units(lib.manifest)),
+        links=schema.link_parts(lib, pi, lib.relative_eigenvalues(pi)),
+        pi=schema.plain(pi),
+        lam=schema.plain(lam),
+        beta=schema.plain(lib.base_matrix @ pi),
+        **facts,
     )
 
 
@@ -328,7 +337,7 @@ def write_files(
 ) -> schema.ResultRecord:
     """Write posterior.npz where there is one, predictions.npz and result.json into a folder."""
     if posterior is not None:
-        posterior_file.write_posterior(folder, posterior)
+        write_arrays(folder / posterior_file.FILE, posterior)
     with replacing(folder / statistics_file.PREDICTIONS) as content:
         np.savez(content, **rows)  # noise does not compress
     write_json(folder / "result.json", msgspec.to_builtins(record))
@@ -365,15 +374,20 @@ def _recording(result: Identification) -> schema.RecordingPart:
         for name, log in logs.items()
         if name == "train" or (result.has_test and not (name == "validation" and result.is_joined))
     }
-    usual, steps = Preparation(), asdict(result.train.prepared or Preparation())
     return schema.RecordingPart(
         name=result.train.name.removesuffix("/train"),
         duration=float(sum(b - a for a, b in ends.values())),
         samples={name: samples[name] if name in ends else 0 for name in logs},
         history=tuple(result.train.history),
-        preparation={key: value for key, value in steps.items() if value != getattr(usual, key)},
+        preparation=stated_steps(result.train.prepared or Preparation()),
         split=", ".join(f"{name} {a:.2f}–{b:.2f} s" for name, (a, b) in ends.items()),
     )
+
+
+def stated_steps(preparation: Preparation) -> dict[str, Any]:
+    """Settings of a preparation that are not the default."""
+    usual, steps = Preparation(), asdict(preparation)
+    return {key: value for key, value in steps.items() if value != getattr(usual, key)}
 
 
 def _uncertainty(result: Identification) -> schema.UncertaintyPart | None:

@@ -10,68 +10,52 @@ that were fitted, and the recipe.
 
 import tomllib
 from collections import Counter
-from dataclasses import asdict, fields
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 from zipfile import BadZipFile
 
-import msgspec
 import numpy as np
-from msgspec import Meta
 
-from runtime.common.files import bytes_of, replacing, require_file
-from runtime.common.records import Record
+from runtime.common.files import bytes_of, require_file
+from runtime.common.records import Positive
 from runtime.common.user_builds import NAME
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.samples import samples_of
+from runtime.estimators.uncertainty import LogInformation
 from runtime.identification.identified import Identification
 from runtime.library import Array, Library
-from runtime.recording.formats.npz import open_npz, record_from_arrays
+from runtime.recording.formats.npz import open_npz, record_from_arrays, refusing, write_arrays
 from runtime.recording.friction.columns import OFFSET
 from runtime.recording.recipes.recipe import Recipe
 from runtime.recording.recipes.recipe_file import recipe_from_table, recipe_text
 from runtime.recording.row_marks import Marks
-from runtime.recording.settings import WIDTHS
+from runtime.recording.settings import WIDTHS, Friction
 
 FILE = "statistics.npz"
 FORMAT = 1
 """Version of the file; a later one is refused."""
 MARK = "symgen_statistics"
 """Key of the version, by which the file is recognised."""
-LARGEST_NUMBER = 1e100
-"""Size from which on a number is damage: its square times that of another overflows."""
-NotNegative = Annotated[float, Meta(ge=0)]
-Positive = Annotated[float, Meta(gt=0)]
+LARGEST_ACCEPTED = 1e100
+"""Size from which on a number is damage [SI]: its square times that of another overflows, and
+matplotlib cannot draw much larger ones."""
 
 
-class StoredStatistics(Record, frozen=True, forbid_unknown_fields=False):
-    """Arrays of `Statistics` as a file holds them."""
-
-    factor: Array
-    target: Array
-    base_matrix: Array
-    rest: NotNegative
-    n_samples: Positive
-    density: Positive  # S, variance with which the noise enters the unknowns
-    model_hash: str
-
-    @property
-    def statistics(self) -> Statistics:
-        """R and r of all training samples, weighted."""
-        return Statistics(**{each.name: getattr(self, each.name) for each in fields(Statistics)})
-
-
-class UnitStatistics(StoredStatistics, frozen=True, forbid_unknown_fields=False):
+@dataclass(frozen=True, slots=True, eq=False)
+class UnitStatistics:
     """Compressed samples of one unit."""
 
+    statistics: Statistics  # of all training samples, weighted
+    density: Positive  # S, variance with which the noise enters the unknowns
     unit: str  # name of the unit
     robot: str  # name of the robot
     joints: tuple[str, ...]  # names of its joints, (n,)
-    # names of the k friction columns of a joint; offsets of several logs repeat
-    columns: tuple[str, ...]
     # widths of friction columns, in the order of `WIDTHS` [rad/s, rad/s, rad]
     widths: tuple[float, float, float]
+    # names of the k friction columns of a joint; offsets of several logs repeat
+    columns: tuple[str, ...] = ()
     # standard deviation of the torque per joint that the samples are weighted by, (n,) [N·m, N];
     # None of a regressor that is not that of the torque, and of older files
     noise: Array | None = None
@@ -91,34 +75,40 @@ def statistics_of(result: Identification, unit: str) -> UnitStatistics:
             "out the setting save_statistics, or identify with certify"
         )
     # The rows have a standard deviation where they are those of the torque.
-    facts, prepared = result.friction.facts(), result.train.prepared
+    prepared = result.train.prepared
     of_torque = prepared is None or prepared.regressor == "acceleration"
     of_torque = of_torque and result.weights.shape == (result.lib.n_joints,)
-    slow, peak, stroke = (float(facts[key]) for key in WIDTHS)
-    return UnitStatistics(
-        **asdict(information.statistics),
-        density=information.density,
-        unit=unit,
-        robot=result.lib.name,
-        joints=result.lib.joint_names,
-        columns=_columns(result),
-        widths=(slow, peak, stroke),
-        noise=1 / np.sqrt(result.weights) if of_torque else None,
-    )
+    noise = 1 / np.sqrt(result.weights) if of_torque else None
+    return unit_statistics(result.lib, unit, information, result.friction, _columns(result), noise)
+
+
+def unit_statistics(
+    lib: Library,
+    unit: str,
+    known: LogInformation,
+    friction: Friction,
+    columns: tuple[str, ...],
+    noise: Array | None = None,
+) -> UnitStatistics:
+    """Compressed samples of a unit, whose φ are those of some columns."""
+    slow, peak, stroke = (float(getattr(friction, key)) for key in WIDTHS)
+    of_robot, widths = (lib.name, lib.joint_names), (slow, peak, stroke)
+    return UnitStatistics(known.statistics, known.density, unit, *of_robot, widths, columns, noise)
 
 
 def write_statistics(known: UnitStatistics, path: Path) -> None:
     """Write compressed samples, as a whole or not at all."""
-    values = {MARK: FORMAT} | msgspec.structs.asdict(known)
-    values["columns"] = known.columns or ("",)
-    values["noise"] = () if known.noise is None else known.noise
-    with replacing(path) as file:
-        np.savez_compressed(file, **values)
+    write_arrays(path, replace(known, columns=known.columns or ("",)), **{MARK: FORMAT})
 
 
 def read_statistics(path: Path) -> UnitStatistics:
     """Read the compressed samples of one unit."""
-    try:
+    again = "identify that unit again with --settings save_statistics=true"
+    with refusing(
+        f"there are no statistics at '{path}'; write them with: identify --settings "
+        "save_statistics=true",
+        f"'{path}' is damaged or holds no compressed statistics; {again}",
+    ):
         file = open_npz(bytes_of(path), path.name)
         version = int(file[MARK])
         if version != FORMAT:
@@ -127,47 +117,33 @@ def read_statistics(path: Path) -> UnitStatistics:
                 "install the version of symgen that wrote them, or identify again"
             )
         known = record_from_arrays(UnitStatistics, file, path.name)
-    except FileNotFoundError:
-        raise IdentificationError(
-            f"there are no statistics at '{path}'; write them with: identify --settings "
-            f"save_statistics=true"
-        ) from None
-    except IdentificationError:
-        raise
-    except (OSError, RecordingError, ValueError, KeyError, TypeError, OverflowError):
-        raise IdentificationError(
-            f"'{path}' is damaged or holds no compressed statistics; identify that unit again with "
-            "--settings save_statistics=true"
-        ) from None
-    known = known.replace(columns=tuple(filter(None, known.columns)))
-    size, base, joints = known.target.size, known.base_matrix, known.joints
+    known = replace(known, columns=tuple(filter(None, known.columns)))
+    data, joints = known.statistics, known.joints
+    size, base = data.target.size, data.base_matrix
     noise = np.ones(len(joints)) if known.noise is None else known.noise
     fits = (
         NAME.fullmatch(known.robot)
         and len(set(joints)) == len(joints)
-        and known.factor.shape == (size, size)
+        and data.factor.shape == (size, size)
         and base.ndim == 2
         and size == len(base) + len(joints) * len(known.columns)
-        and all((np.abs(x) < LARGEST_NUMBER).all() for x in (known.factor, known.target, base))
+        and all((np.abs(x) < LARGEST_ACCEPTED).all() for x in (data.factor, data.target, base))
         and noise.shape == (len(joints),)
-        and ((noise > 0) & (noise < LARGEST_NUMBER)).all()
+        and ((noise > 0) & (noise < LARGEST_ACCEPTED)).all()
     )
     if not fits:
-        raise IdentificationError(
-            f"'{path}' is damaged (its arrays do not fit together); identify that unit again with "
-            "--settings save_statistics=true"
-        )
+        raise IdentificationError(f"'{path}' is damaged (its arrays do not fit together); {again}")
     return known
 
 
 def require_robot(known: UnitStatistics, lib: Library, path: Path) -> UnitStatistics:
     """Check that statistics belong to a robot."""
-    base = known.base_matrix
+    base = known.statistics.base_matrix
     same = known.joints == lib.joint_names and base.shape == lib.base_matrix.shape
     if not (same and np.allclose(base, lib.base_matrix, atol=1e-9)):
         raise IdentificationError(
             f"expected statistics of '{lib.name}', but '{path}' holds those of '{known.robot}' "
-            f"(model {known.model_hash[:12]}), whose joints or base parameters differ; "
+            f"(model {known.statistics.model_hash[:12]}), whose joints or base parameters differ; "
             "keep one folder per type of robot"
         )
     return known
@@ -185,8 +161,6 @@ def _columns(result: Identification) -> tuple[str, ...]:
 
 
 PREDICTIONS = "predictions.npz"
-LARGEST_ACCEPTED = 1e100
-"""Largest number that is accepted, in SI units; matplotlib cannot draw much larger ones."""
 
 
 def predictions_of(result: Identification) -> dict[str, Any]:

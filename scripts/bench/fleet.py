@@ -155,7 +155,7 @@ def fleet_seconds(lib: Library, design: Trajectory, count: int) -> tuple[float, 
     """CPU and wall time of the command."""
     log = ideal(lib, design, Plant(lib.pi0, torque_noise=NOISE))
     usual = statistics_of(identified(lib, log, PLAIN, None), "unit")
-    rng = np.random.default_rng(0)
+    rng, known = np.random.default_rng(0), usual.statistics
     centre = perturbed(lib, lib.pi0, 4 * SPREAD, rng)
     with TemporaryDirectory() as name:
         folder = Path(name)
@@ -164,8 +164,8 @@ def fleet_seconds(lib: Library, design: Trajectory, count: int) -> tuple[float, 
             x = np.concatenate([beta, np.tile(FRICTION, lib.n_joints)])
             unit = folder / "units" / f"u{k:04d}"
             unit.mkdir(parents=True)
-            target = usual.factor @ x + rng.normal(size=len(usual.target))
-            write_statistics(usual.replace(target=target, unit=unit.name), unit / FILE)
+            target = known.factor @ x + rng.normal(size=len(known.target))
+            write_statistics(replace(usual, statistics=replace(known, target=target)), unit / FILE)
         words = ["fleet", "units", "--robot", str(lib.folder.resolve()), "--out", "fleet.toml"]
         start, before = time.perf_counter(), cpu_seconds()
         python("-m", "runtime", *words, folder=folder).check_returncode()

@@ -20,6 +20,7 @@ from itertools import chain, islice
 import numpy as np
 from scipy.linalg import qr, solve_triangular
 
+from runtime.common.records import NotNegative, Positive
 from runtime.common.threads import computed_ahead, cores
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.posterior import ROUNDING, least_squares
@@ -39,8 +40,8 @@ class Statistics:
     # it is upper triangular with a diagonal ≥ 0
     factor: Array
     target: Array  # r, (p,)
-    rest: float  # ρ, the part that no parameters explain
-    n_samples: float  # N, or the sum of the sample weights
+    rest: NotNegative  # ρ, the part that no parameters explain
+    n_samples: Positive  # N, or the sum of the sample weights
     base_matrix: Array  # K in β = K π, (n_b, 10 n)
     model_hash: str  # of the library
 

@@ -17,7 +17,7 @@ TOTAL_MASS = "total mass"
 def expected_of_walk(result: FreeBaseIdentification, seconds: float = 0.0) -> Expected:
     """Standard deviations of the training part, and of some seconds of the same motion after it."""
     evidence = result.evidence
-    _, reduced, _, spread = evidence.after(1.0 + seconds / result.trained_seconds)
+    _, reduced, _, spread = evidence.after(seconds)
     rows = reduced.factor / np.sqrt(evidence.level)
     return expected_of_root(result.lib, result.pi, spread.root, spread.by_kappa.share, rows)
 

@@ -16,7 +16,8 @@ from runtime.estimators.methods import METHODS, Method, chosen_method, fit_by
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import Fit, FrictionPrior, Problem
 from runtime.estimators.robust import robust_problem
-from runtime.estimators.uncertainty import LogInformation, visible_noise
+from runtime.estimators.uncertainty import visible_noise
+from runtime.identification import metrics
 from runtime.identification.drive.symmetry import sides_of, tied_prior, with_mirrored_links
 from runtime.identification.free_base.drives import (
     RowNoise,
@@ -36,30 +37,25 @@ from runtime.identification.free_base.prepared_walk import (
 from runtime.identification.free_base.result import (
     Evidence,
     FreeBaseIdentification,
-    percent_of,
     total_mass,
     uncertainty_of,
 )
 from runtime.identification.free_base.rows import Drives, sensor_errors
-from runtime.identification.posterior_file import SavedPosterior
 from runtime.identification.problem_setup import known_friction
-from runtime.identification.result_file import provenance_of
+from runtime.identification.result_file import provenance_of, record_about, stated_steps
 from runtime.identification.result_record import (
-    FORMAT,
     Coefficient,
     Delay,
-    ErrorRms,
     FrictionPart,
     MirroredPair,
     RecordingPart,
-    ResultRecord,
-    link_parts,
+    error_parts,
     plain,
 )
-from runtime.identification.saved_result import model_part
 from runtime.identification.settings import Settings, cutoff_of
 from runtime.library import Array, Library
 from runtime.library.manifest import file_units
+from runtime.recording import Friction, Preparation
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.recipes.recipe import COMMANDED, MEASURED
 from runtime.recording.row_marks import row_marks
@@ -95,68 +91,69 @@ def identify_free_base(
         tied, note = tied_prior(lib.joint_names, pairs, drives.terms.columns, phi, task.known)
         problem = _with_known(problem, tied, places)
         fit, notes = fitted(problem), [note, *notes]
-    evidence, inflation = _evidence(problem, fit, method, prior, task.offsets)
-    posterior, shares, root = _posterior(evidence)
+    seconds = float(data.train.t[-1] - data.train.t[0])
+    evidence = _evidence(problem, fit, method, prior, task.offsets, seconds)
+    root = evidence.phi_root
     mirrored: tuple[MirroredPair, ...] = ()
     if pairs:
         mirrored, of_sides = _sides(lib, data, fit, root, pairs, places)
         notes = [*of_sides, *notes]
     names, shown = data.tested.shown(drives is not None)
     tested = data.tested.samples
-    measured, by_urdf = tested.tau, tested.rigid(lib, lib.pi0)
     by_result = tested.rigid(lib, fit.pi) + tested.columns @ fit.phi[0]
-    level = rms(shown(measured))
-    before, after = (rms(shown(each - measured)) for each in (by_urdf, by_result))
-    deviations, n_train = np.linalg.norm(root, axis=1), len(data.train)
+    measured, before, after = map(shown, (tested.tau, tested.rigid(lib, lib.pi0), by_result))
+    errors = [_error(measured, each) for each in (before, after)]
+    percent, sizes = error_parts(*errors)
+    deviations = np.linalg.norm(root, axis=1)
     sensors = dict(zip(task.sensors, fit.phi[0, : places.start].tolist(), strict=True))
-    spread = list(task.sensors.values())
-    eigenvalues, units = lib.relative_eigenvalues(fit.pi), file_units(lib.manifest)
-    is_consistent = bool(eigenvalues.min() > 0)
-    of_rows = dict(zip(lib.row_names, [*["N"] * 3, *["N*m"] * 3, *units], strict=True))
+    of_rows = dict(zip(lib.row_names, [*["N"] * 3, *["N*m"] * 3, *file_units(lib.manifest)],
+                       strict=True))  # fmt: skip
     cutoff_hz = cutoff_of(settings.cutoff)
-    record = ResultRecord.with_gaps(
-        format=FORMAT,
+    preparation = Preparation()
+    if cutoff_hz is not None:
+        preparation = Preparation(filter="butterworth", cutoff_hz=cutoff_hz)
+    terms = Friction(()) if drives is None else drives.terms
+    phi, spread = (x.reshape(lib.n_joints, -1) for x in (fit.phi[0, places], deviations[places]))
+    is_late = recording.is_commanded or settings.delay is not None
+    record = record_about(
+        *(lib, fit.pi, fit.lam),
         method=method.name,
-        robot=lib.name,
         base="free",
-        model=model_part(lib),
         status=fit.status,
-        joints=lib.joint_names,
-        units=tuple(units),
         recording=RecordingPart.with_gaps(
             name=recording.name,
             duration=float(data.motion.t[-1] - data.motion.t[0]),
-            samples={"train": n_train, "validation": 0, "test": len(data.test)},
-            preparation={}
-            if cutoff_hz is None
-            else {"filter": "butterworth", "cutoff_hz": cutoff_hz},
+            samples={"train": len(data.train), "validation": 0, "test": len(data.test)},
+            preparation=stated_steps(preparation),
         ),
         torque_source=COMMANDED if recording.is_commanded else MEASURED,
-        delay_s=_delay(drives, fit, deviations)
-        if recording.is_commanded or settings.delay is not None
-        else None,
-        torque_error_percent=percent_of(level, before, after),
-        torque_rms=ErrorRms(before=plain(before), after=plain(after)),
-        links=link_parts(lib, fit.pi, eigenvalues),
-        consistent=is_consistent,
-        uncertainty=uncertainty_of(
-            *(lib, posterior.pi_root, fit.pi, eigenvalues, shares, inflation, n_train)
+        delay_s=_delay(drives, fit, deviations) if is_late else None,
+        torque_error_percent=percent,
+        torque_rms=sizes,
+        consistent=bool(lib.relative_eigenvalues(fit.pi).min() > 0),
+        uncertainty=uncertainty_of(evidence),
+        friction=None
+        if not terms.columns
+        else FrictionPart(
+            columns=terms.columns,
+            values=plain(phi),
+            **{key: getattr(terms, key) for key in WIDTHS},
+            sigma=plain(spread),
         ),
-        friction=_friction(drives, lib.n_joints, fit.phi[0, places], deviations[places]),
         symmetric=mirrored or None,
         warnings=(
             *fit.notes,
             *notes,
-            *notes_on_errors(level, after, sensors, spread, bool(recording.joint_names)),
+            *notes_on_errors(
+                *(rms(measured), errors[1].rms, sensors, list(task.sensors.values())),
+                bool(recording.joint_names),
+            ),
         ),
-        pi=plain(fit.pi),
-        lam=plain(lib.lam_from_pi(fit.pi)) if is_consistent else None,
-        beta=plain(lib.base_matrix @ fit.pi),
         provenance=provenance_of(lib, "", dict(recording.source), None),
         rows=data.rows,
         error_rows=names,
         error_units=tuple(of_rows.get(name, "") for name in names),
-        total_mass=total_mass(lib, fit.pi, posterior.pi_root),
+        total_mass=total_mass(evidence),
         vertical_force=vertical_force(lib, data.test, fit.pi, fit.phi[:, : places.start]),
         sensors={
             name: Coefficient(value=value, sigma=plain(sigma))
@@ -166,18 +163,12 @@ def identify_free_base(
         }
         or None,
     )
-    predictions = {"t": data.test.t, "measured": measured, "before": by_urdf, "after": by_result}
     return FreeBaseIdentification(
-        lib,
-        fit.pi,
-        record,
-        posterior,
-        level,
-        float(data.test.t[-1] - data.test.t[0]),
-        float(data.train.t[-1] - data.train.t[0]),
-        evidence,
-        {key: each if key == "t" else shown(each) for key, each in predictions.items()}
-        | {"row_marks": row_marks(recording.joints)},
+        *(record, fit.pi, terms, phi, preparation),
+        row_marks=row_marks(recording.joints),
+        lib=lib,
+        evidence=evidence,
+        predictions={"t": data.test.t, "measured": measured, "before": before, "after": after},
     )
 
 
@@ -239,6 +230,13 @@ def _with_known(problem: Problem, known: FrictionPrior, of_drives: slice) -> Pro
     return replace(problem, friction_prior=prior if sensed is None else prior.over(sensed))
 
 
+def _error(measured: Array, predicted: Array) -> metrics.TorqueError:
+    """Error of rows (N, k); NaN where they are zero throughout, as in free flight."""
+    error, is_silent = metrics.torque_error(measured, predicted), ~measured.any(axis=0)
+    percent = np.where(is_silent, np.nan, error.percent)
+    return replace(error, percent=percent, overall=np.nan if is_silent.all() else error.overall)
+
+
 def _delay(drives: Drives | None, fit: Fit, deviations: Array) -> Delay | None:
     """Delay of the torques, whose coefficient is the last; a stated one is exact."""
     if drives is None:
@@ -273,23 +271,15 @@ def _sides(
     )
 
 
-def _friction(drives: Drives | None, joints: int, phi: Array, sigma: Array) -> FrictionPart | None:
-    """Friction and armature, (n, k)."""
-    if drives is None or not drives.terms.columns:
-        return None
-    values, spread = (x.reshape(joints, -1) for x in (phi, sigma))
-    return FrictionPart(
-        columns=drives.terms.columns,
-        values=plain(values),
-        **{key: getattr(drives.terms, key) for key in WIDTHS},
-        sigma=plain(spread),
-    )
-
-
 def _evidence(
-    problem: Problem, fit: Fit, method: Method, prior: PriorFile | None, offsets: Array
-) -> tuple[Evidence, float]:
-    """Data and priors about a fit, and N / N_eff; offsets (N, m, o) of sensors move π and φ."""
+    problem: Problem,
+    fit: Fit,
+    method: Method,
+    prior: PriorFile | None,
+    offsets: Array,
+    seconds: float,
+) -> Evidence:
+    """Data and priors about a fit; offsets (N, m, o) of sensors move π and φ."""
     lib, samples = problem.lib, problem.train
     if method.is_most_probable:
         (weights, noise), statistics = fit.noise(), fit.statistics or problem.statistics()
@@ -299,7 +289,7 @@ def _evidence(
         )
     level, known = max(noise.density, float(np.finfo(float).tiny)), problem.friction_prior
     columns = np.concatenate([samples.base_rows(lib), samples.friction_rows()], axis=2)
-    evidence = Evidence(
+    return Evidence(
         lib,
         fit.pi,
         statistics,
@@ -309,17 +299,6 @@ def _evidence(
         None if prior is None else prior.centre,
         np.einsum("nmp,m,nmo->po", columns, weights, offsets, optimize=True),
         method.is_most_probable,
+        noise.inflation,
+        seconds,
     )
-    return evidence, noise.inflation
-
-
-def _posterior(evidence: Evidence) -> tuple[SavedPosterior, Array, Array]:
-    """Posterior, share of the prior in π, and root of φ."""
-    lib, (statistics, _, eliminated, spread) = evidence.lib, evidence.after()
-    information = LogInformation(statistics, evidence.level, evidence.kappa, evidence.prior.centre)
-    posterior = SavedPosterior(
-        information, evidence.pi, spread.root, lib.n_joints, 0, spread.phi_nuisance
-    )
-    root = np.hstack([posterior.phi_over(eliminated), posterior.phi_root(eliminated)])
-    root[eliminated.undetermined] = np.nan  # the data do not determine them
-    return posterior, spread.by_kappa.share, root

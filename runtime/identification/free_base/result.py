@@ -1,10 +1,11 @@
-"""The result of a robot with a free base as result.json, predictions.npz and posterior.npz.
+"""The result of a robot with a free base: what its files hold, and what they come from.
 
 Friction and armature are the friction of the record, the delay of the torques is its delay.
-Coefficients of sensors, and the delay, are eliminated from the posterior.
+Coefficients of sensors, and the delay, are eliminated from the posterior that is written.
 """
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,13 @@ from runtime.estimators.convex.entropic_prior import Prior, com_sigma
 from runtime.estimators.prior_file import prior_about
 from runtime.estimators.regression.factor import Elimination, Reduced, Statistics, reduce
 from runtime.estimators.regression.samples import NORMAL_95
-from runtime.estimators.uncertainty import IDENTIFIED, PRIOR_DOMINATED, Spread, laplace
+from runtime.estimators.uncertainty import (
+    IDENTIFIED,
+    PRIOR_DOMINATED,
+    LogInformation,
+    Spread,
+    laplace,
+)
 from runtime.identification.free_base.drives import rms
 from runtime.identification.free_base.rows import (
     Drives,
@@ -26,7 +33,6 @@ from runtime.identification.free_base.rows import (
 from runtime.identification.posterior_file import SavedPosterior
 from runtime.identification.result_file import require_size, write_files
 from runtime.identification.result_record import (
-    ErrorPercent,
     ResultRecord,
     TotalMass,
     UncertaintyPart,
@@ -34,19 +40,18 @@ from runtime.identification.result_record import (
     plain,
 )
 from runtime.identification.saved_result import SavedResult
-from runtime.identification.statistics_file import UnitStatistics
+from runtime.identification.statistics_file import UnitStatistics, unit_statistics
 from runtime.library import Array, Library
 from runtime.library.parameters import MASS, N_PARAMETERS, links, mass
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion, motion_of
 from runtime.recording.recipes.recipe import MEASURED
-from runtime.recording.settings import WIDTHS, Friction
 
 DETERMINED = 0.5
 """Posterior over prior variance below which an entry counts as identified."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)  # no slots: what it determines is computed once and kept
 class Evidence:
     """Rows that train and priors, about an estimate."""
 
@@ -59,15 +64,18 @@ class Evidence:
     centre: Array | None  # π0 of a type of robot; None for that of the URDF
     slopes: Array  # of constant offsets of sensors of σ
     is_most_probable: bool
+    inflation: float  # N / N_eff
+    seconds: float  # duration of the rows [s]
 
     @property
     def prior(self) -> Prior:
         """Entropic prior of the bodies."""
         return prior_about(self.lib, self.lib.pi0, self.centre)
 
-    def after(self, times: float = 1.0) -> tuple[Statistics, Reduced, Elimination, Spread]:
-        """Least squares, without φ, and spread of π after `times` the time of the same motion."""
-        root, data = np.sqrt(times), self.statistics
+    def after(self, seconds: float = 0.0) -> tuple[Statistics, Reduced, Elimination, Spread]:
+        """Least squares, without φ, and spread of π after more seconds of the same motion."""
+        times, data = 1.0 + seconds / self.seconds, self.statistics
+        root = np.sqrt(times)
         data = replace(
             data,
             factor=root * data.factor,
@@ -86,21 +94,41 @@ class Evidence:
         )
         return data, reduced, eliminated, spread
 
+    @cached_property
+    def now(self) -> tuple[Statistics, Reduced, Elimination, Spread]:
+        """The same of these rows."""
+        return self.after()
+
+    @cached_property
+    def posterior(self) -> SavedPosterior:
+        """Posterior of π, and of φ of sensors, drives and delay."""
+        statistics, _, _, spread = self.now
+        known = LogInformation(statistics, self.level, self.kappa, self.prior.centre)
+        root, moved = spread.root, spread.phi_nuisance
+        return SavedPosterior(known, self.pi, root, 0, moved, joints=self.lib.n_joints)
+
+    @property
+    def phi_root(self) -> Array:
+        """Root of the covariance of φ; NaN where the data do not determine it."""
+        eliminated, posterior = self.now[2], self.posterior
+        root = np.hstack([posterior.phi_over(eliminated), posterior.phi_root(eliminated)])
+        root[eliminated.undetermined] = np.nan
+        return root
+
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FreeBaseIdentification:
-    """Result of an identification with a free base."""
+class FreeBaseIdentification(SavedResult):
+    """Result of an identification with a free base, with what its files come from.
 
-    lib: Library  # library of the robot
-    pi: Array  # π, (10 L,), the base link first
-    record: ResultRecord  # content of result.json, but for the command
-    posterior: SavedPosterior  # of π, and of φ of sensors, drives and delay
-    rms: Array  # RMS of the right side of the rows whose errors are stated, on the test part, (k,)
-    seconds: float  # duration of the test part
-    trained_seconds: float  # that of the training part
-    evidence: Evidence
-    # t (N,) [s] and measured, before, after (N, k) of the rows on the test part
-    predictions: dict[str, Array]
+    Attributes:
+        lib: library of the robot.
+        evidence: rows that train and priors.
+        predictions: t (N,) [s] and measured, before, after (N, k) of the rows on the test part.
+    """
+
+    lib: Library = field(kw_only=True)
+    evidence: Evidence = field(kw_only=True)
+    predictions: dict[str, Array] = field(kw_only=True)
 
     @property
     def is_consistent(self) -> bool:
@@ -108,50 +136,37 @@ class FreeBaseIdentification:
         return self.record.consistent
 
     @property
-    def friction(self) -> Friction:
-        """Friction columns of the drives."""
-        part = self.record.friction
-        if part is None:
-            return Friction(())
-        return Friction(part.columns, **{key: getattr(part, key) for key in WIDTHS})
-
-    @property
     def usual_phi(self) -> Array:
         """Friction coefficients, (n, k)."""
-        part = self.record.friction
-        return np.zeros((len(self.record.joints), 0)) if part is None else np.array(part.values)
+        return self.phi
 
     @property
-    def statistics(self) -> Statistics:
-        """Statistics over [β; φ] of the friction, without errors of sensors and the delay."""
-        first = len(self.record.sensors or ())
-        return marginal(
-            self.posterior.information.statistics, slice(first, first + self.usual_phi.size)
-        )
+    def posterior(self) -> SavedPosterior:
+        """Posterior of π, and of φ of sensors, drives and delay."""
+        return self.evidence.posterior
+
+    @property
+    def written_posterior(self) -> SavedPosterior:
+        """Posterior of π and of the friction, without errors of sensors and the delay."""
+        first, known = len(self.record.sensors or ()), self.posterior.information
+        of_friction = marginal(known.statistics, slice(first, first + self.phi.size))
+        known = replace(known, statistics=of_friction)
+        return replace(self.posterior, information=known, phi_nuisance=None)
 
 
 def statistics_of_walk(result: FreeBaseIdentification, unit: str) -> UnitStatistics:
     """Compressed training samples of a result, for `fleet`."""
-    slow, peak, stroke = (float(getattr(result.friction, key)) for key in WIDTHS)
-    return UnitStatistics(
-        **asdict(result.statistics),
-        density=result.posterior.information.density,
-        unit=unit,
-        robot=result.lib.name,
-        joints=result.lib.joint_names,
-        columns=result.friction.columns,
-        widths=(slow, peak, stroke),
-    )
+    known, terms = result.written_posterior.information, result.friction
+    return unit_statistics(result.lib, unit, known, terms, terms.columns)
 
 
 def write_free_base(result: FreeBaseIdentification, folder: Path, command: str) -> ResultRecord:
     """Write result.json, predictions.npz and posterior.npz into a folder."""
     record = result.record
     record = record.replace(provenance=record.provenance.replace(command=command))
-    require_size(np.concatenate([result.pi, result.usual_phi.ravel()]))
-    known = replace(result.posterior.information, statistics=result.statistics)
-    posterior = replace(result.posterior, information=known, phi_nuisance=None)
-    return write_files(record, folder, posterior, result.predictions)
+    require_size(np.concatenate([result.pi, result.phi.ravel()]))
+    rows = result.predictions | {"row_marks": result.row_marks}
+    return write_files(record, folder, result.written_posterior, rows)
 
 
 def marginal(statistics: Statistics, kept: slice) -> Statistics:
@@ -166,36 +181,22 @@ def marginal(statistics: Statistics, kept: slice) -> Statistics:
     return replace(statistics, factor=left[:, :-1], target=left[:, -1])
 
 
-def percent_of(level: Array, before: Array, after: Array) -> ErrorPercent:
-    """Errors over the RMS of their rows [%]; null without any torque or force."""
-    sizes, whole = np.where(level > 0, level, np.nan), float(np.linalg.norm(level)) or np.nan
-    return ErrorPercent(
-        before=plain(100 * before / sizes),
-        after=plain(100 * after / sizes),
-        before_overall=plain(100 * float(np.linalg.norm(before)) / whole),
-        after_overall=plain(100 * float(np.linalg.norm(after)) / whole),
-    )
-
-
-def total_mass(lib: Library, pi: Array, root: Array) -> TotalMass:
+def total_mass(evidence: Evidence) -> TotalMass:
     """Mass of the robot; its σ contains the sensors' offsets."""
-    total, sigma = (
-        float(mass(links(pi)).sum()),
-        float(np.linalg.norm(root[MASS::N_PARAMETERS].sum(axis=0))),
-    )
+    total, root = float(mass(links(evidence.pi)).sum()), evidence.posterior.pi_root
+    sigma = float(np.linalg.norm(root[MASS::N_PARAMETERS].sum(axis=0)))
     return TotalMass(
         value=total,
         sigma=sigma,
         interval=(total - NORMAL_95 * sigma, total + NORMAL_95 * sigma),
-        urdf=float(mass(links(lib.pi0)).sum()),
+        urdf=float(mass(links(evidence.lib.pi0)).sum()),
     )
 
 
-def uncertainty_of(
-    lib: Library, root: Array, pi: Array, eigenvalues: Array, share: Array, inflation: float, n: int
-) -> UncertaintyPart:
-    """Posterior of π with a root (10 L, columns) of its covariance, by n training instants."""
-    sigma = np.linalg.norm(root, axis=1)
+def uncertainty_of(evidence: Evidence) -> UncertaintyPart:
+    """Posterior of π."""
+    lib, pi, root = evidence.lib, evidence.pi, evidence.posterior.pi_root
+    sigma, share = np.linalg.norm(root, axis=1), evidence.now[3].by_kappa.share
     verdicts = [IDENTIFIED if s < DETERMINED else PRIOR_DOMINATED for s in share]
     masses = zip(lib.link_names, verdicts[::N_PARAMETERS], strict=True)
     prior = [name for name, verdict in masses if verdict == PRIOR_DOMINATED]
@@ -204,10 +205,10 @@ def uncertainty_of(
         "its contacts, or record a motion that moves it"
         if prior
         else "the log determines the masses of all links",
-        n_eff=n / inflation,
-        inflation=inflation,
+        n_eff=evidence.statistics.n_samples / evidence.inflation,
+        inflation=evidence.inflation,
         excited=len(lib.base_columns),
-        boundary=bool(np.abs(eigenvalues).min() < BOUNDARY),
+        boundary=bool(np.abs(lib.relative_eigenvalues(pi)).min() < BOUNDARY),
         links=link_uncertainties(sigma, com_sigma(root, pi), verdicts),
         pi_sigma=plain(sigma),
         posterior_over_prior=plain(share),

@@ -22,7 +22,7 @@ from threadpoolctl import threadpool_limits
 
 from runtime.common.files import bytes_of, replacing
 from runtime.common.threads import cores
-from runtime.errors import IdentificationError, RecordingError
+from runtime.errors import IdentificationError
 from runtime.estimators.contradictions import LEAST_DENSITY
 from runtime.estimators.regression.factor import Elimination, reduce
 from runtime.identification.statistics_file import (
@@ -34,7 +34,7 @@ from runtime.identification.statistics_file import (
 )
 from runtime.library import Array, Library, load
 from runtime.parallel import on_cluster
-from runtime.recording.formats.npz import open_npz
+from runtime.recording.formats.npz import arrays_of, open_npz, record_from_arrays, refusing
 from runtime.recording.settings import WIDTHS, widths_of
 
 
@@ -43,7 +43,6 @@ class Unit:
     """Contribution of one unit."""
 
     name: str  # of the unit
-    columns: tuple[str, ...]  # names of the k friction columns that belong to the whole log
     # widths of these columns: coulomb_speed, stribeck_speed [rad/s], dahl_stroke [rad]
     widths: tuple[float, float, float]
     factor: Array  # A, (n_b, n_b), in units of the noise
@@ -53,6 +52,7 @@ class Unit:
     friction: Array
     noise: Array  # standard deviation of the torque per joint, (n,) [N·m, N]; NaN where not known
     density: float  # S, variance with which noise over its standard deviation enters the unknowns
+    columns: tuple[str, ...] = ()  # names of the k friction columns that belong to the whole log
 
 
 def unit_of(known: UnitStatistics, lib: Library, name: str) -> Unit:
@@ -72,13 +72,13 @@ def unit_of(known: UnitStatistics, lib: Library, name: str) -> Unit:
     places = [known.columns.index(each) for each in columns]
     return Unit(
         name,
-        columns,
         known.widths,
         np.ascontiguousarray(triangle[:, :count]),
         triangle[:, count].copy(),
         np.ascontiguousarray(every[:, places]),
         np.full(n, np.nan) if known.noise is None else known.noise,
         known.density,
+        columns,
     )
 
 
@@ -101,7 +101,7 @@ def _friction(system: Elimination, level: float, count: int) -> Array:
 PART = 32
 """Files of one part: some tenths of a second of work."""
 MOST_UNITS = 100_000
-VERSION = 2
+VERSION = 3
 
 
 def statistics_files(folder: Path) -> list[Path]:
@@ -224,32 +224,20 @@ def _place(parts: Path, lib: Library, piece: Piece) -> Path:
 
 
 def _write(place: Path, units: list[Unit]) -> None:
-    """One part, whole or absent; arrays of friction one below the other."""
-    values: dict[str, Any] = {
-        "names": [unit.name for unit in units],
-        "columns": [",".join(unit.columns) for unit in units],
-        "widths": [unit.widths for unit in units],
-        "factor": [unit.factor for unit in units],
-        "target": [unit.target for unit in units],
-        "friction": np.concatenate([unit.friction for unit in units], axis=1),
-        "noise": [unit.noise for unit in units],
-        "density": [unit.density for unit in units],
-    }
+    # One part: the arrays of every unit behind its number.
+    arrays = {f"{k}.{key}": x for k, unit in enumerate(units) for key, x in arrays_of(unit).items()}
     with replacing(place) as file:
-        np.savez(file, **{key: np.asarray(value) for key, value in values.items()})  # type: ignore[arg-type]
+        np.savez(file, **arrays)
 
 
 def _read(place: Path) -> list[Unit] | None:
-    """Units of a part; None where it is absent or damaged, and is computed again."""
+    # Units of a part; None where it is absent or damaged, and is computed again.
+    units: dict[str, dict[str, Any]] = {}
     try:
-        file = open_npz(bytes_of(place), place.name)
-        names, listed = file["names"].tolist(), file["columns"].tolist()
-        columns = [tuple(text.split(",")) if text else () for text in listed]
-        ends = np.cumsum([len(each) for each in columns])[:-1]
-        friction = np.split(file["friction"], ends, axis=1)
-        widths = [tuple(each) for each in file["widths"].tolist()]
-        noise, density = file["noise"], file["density"].tolist()
-        rows = (names, columns, widths, file["factor"], file["target"], friction, noise, density)
-        return [Unit(*row) for row in zip(*rows, strict=True)]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecordingError):
+        with refusing("", ""):
+            for key, array in open_npz(bytes_of(place), place.name).items():
+                number, _, name = key.partition(".")
+                units.setdefault(number, {})[name] = array
+            return [record_from_arrays(Unit, each, place.name) for each in units.values()]
+    except IdentificationError:
         return None

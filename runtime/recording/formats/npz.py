@@ -8,17 +8,18 @@ import io
 import sys
 import zipfile
 import zlib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import IO, Any, TypeVar
 
 import numpy as np
-from msgspec.structs import fields
 from numpy.typing import NDArray
 
-from runtime.common.records import Record, record_from_table
-from runtime.errors import RecordingError
+from runtime.common.files import replacing
+from runtime.common.records import record_from_table
+from runtime.errors import IdentificationError, RecordingError
 from runtime.library import Array
 from runtime.recording.formats.tables import EXPANSION, SLACK, LogTable, common_count
 
@@ -27,7 +28,7 @@ __all__ = ["open_npz"]
 MOST_TEXTS = 10_000
 """Largest number of texts in an array of an NPZ that is read."""
 _LOCAL_HEADER, _LENGTHS = 30, 26  # PKWARE APPNOTE, Sec. 4.3.7
-R = TypeVar("R", bound=Record)
+R = TypeVar("R")
 
 
 def open_npz(data: bytes, name: str) -> dict[str, NDArray]:
@@ -80,15 +81,52 @@ def open_npz(data: bytes, name: str) -> dict[str, NDArray]:
         ) from error
 
 
+def write_arrays(path: Path, record: Any, **more: Any) -> None:
+    """Write the fields of a data class as an NPZ, as a whole or not at all, and further arrays."""
+    with replacing(path) as file:
+        np.savez_compressed(file, **more, **arrays_of(record))
+
+
+def arrays_of(record: Any) -> dict[str, Any]:
+    """Fields of a data class, those of data classes in it beside them; None is an empty array."""
+    arrays: dict[str, Any] = {}
+    for each in fields(record):
+        value = getattr(record, each.name)
+        if is_dataclass(value):
+            arrays |= arrays_of(value)
+        else:
+            arrays[each.name] = () if value is None else value
+    return arrays
+
+
 def record_from_arrays(kind: type[R], arrays: Mapping[str, NDArray[Any]], name: str) -> R:
-    """Record of the arrays of an NPZ; an empty one is left out, so that its default stands."""
-    kept = (Array, Array | None)
-    table = {
-        f.name: np.array(arrays[f.name], float) if f.type in kept else arrays[f.name].tolist()
-        for f in fields(kind)
-        if f.name in arrays and arrays[f.name].size
-    }
-    return record_from_table(kind, table, name, RecordingError)
+    """Data class of the arrays of an NPZ, as `write_arrays` wrote it."""
+    return record_from_table(kind, _table(kind, arrays), name, RecordingError)
+
+
+def _table(kind: Any, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+    table: dict[str, Any] = {}
+    for each in fields(kind):
+        if is_dataclass(each.type):
+            table[each.name] = _table(each.type, arrays)
+        elif (array := arrays.get(each.name)) is None:
+            continue
+        elif each.type is Array or (each.type == Array | None and array.size):
+            table[each.name] = np.array(array, float)
+        elif array.size:
+            table[each.name] = array.tolist()
+    return table
+
+
+@contextmanager
+def refusing(absent: str, damaged: str) -> Iterator[None]:
+    """One sentence on a file of arrays that is absent, and one on any fault in it."""
+    try:
+        yield
+    except FileNotFoundError:
+        raise IdentificationError(absent) from None
+    except (OSError, RecordingError, ValueError, LookupError, TypeError, OverflowError):
+        raise IdentificationError(damaged) from None
 
 
 def npz_table(arrays: dict[str, NDArray], key: str, name: str) -> LogTable:

@@ -12,7 +12,7 @@ from runtime.estimators.convex.entropic_prior import prior_of
 from runtime.estimators.prior_file import read_prior
 from runtime.estimators.regression.factor import reduce
 from runtime.estimators.uncertainty import vague_posterior
-from runtime.identification.free_base.drives import _student
+from runtime.identification.free_base.drives import _student, rms
 from runtime.identification.free_base.result import FreeBaseIdentification
 from runtime.identification.free_base.rows import (
     OFFSET_SIGMA,
@@ -73,7 +73,8 @@ def test_bodies_are_recovered(lib: Library, log: VirtualLog, rows: str) -> None:
     """
     result = identified(lib, log.arrays, rows)
     # The prior keeps a share of about its γ = 1e-4 of the residuals; exact data leave nothing else.
-    assert (np.array(result.record.torque_rms.after) < 1e-3 * result.rms.max()).all()
+    size = rms(result.predictions["measured"])
+    assert (np.array(result.record.torque_rms.after) < 1e-3 * size.max()).all()
     assert (
         np.array(result.record.torque_rms.before) > 30 * np.array(result.record.torque_rms.after)
     ).any()
@@ -99,7 +100,8 @@ def test_unknown_wrenches_are_eliminated(lib: Library, log: VirtualLog) -> None:
     residual = rows.samples.rigid(lib, true_pi(lib, log)) - rows.samples.tau
     assert np.abs(residual).max() < 1e-6 * np.abs(rows.samples.tau).max()
     result = identified(lib, arrays)
-    assert (np.array(result.record.torque_rms.after) < 0.02 * result.rms).all()
+    size = rms(result.predictions["measured"])
+    assert (np.array(result.record.torque_rms.after) < 0.02 * size).all()
     with pytest.raises(RuntimeFault, match="leave no equation; give contact_wrench"):
         identified(lib, arrays, "base")
 

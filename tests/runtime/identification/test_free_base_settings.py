@@ -149,7 +149,7 @@ def test_more_of_the_same_walk(hopper: Library, tmp_path: Path, command: Command
         whole[key] = whole[key] + sigma * rng.normal(size=whole[key].shape)
     half = {key: value[:1200] if len(value) == 2400 else value for key, value in whole.items()}
     short, long = (identify(free_base_of(each, "log"), hopper) for each in (half, whole))
-    seconds = long.trained_seconds - short.trained_seconds
+    seconds = long.evidence.seconds - short.evidence.seconds
     now, later, reached = (
         expected_of_walk(short),
         expected_of_walk(short, seconds),

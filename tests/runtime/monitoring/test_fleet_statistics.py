@@ -1,5 +1,6 @@
 """Compressed statistics of units: files, parts of a run that was killed, and the commands."""
 
+import dataclasses
 import json
 import os
 from pathlib import Path
@@ -178,7 +179,7 @@ def test_bad_folders(
     if case == "damaged":
         (place / "u01" / "statistics.npz").write_bytes(b"not an archive")
     if case == "other":
-        odd = fleet.statistics[1].replace(joints=tuple("abcdefg"))
+        odd = dataclasses.replace(fleet.statistics[1], joints=tuple("abcdefg"))
         write_statistics(odd, place / "u01" / "statistics.npz")
     ran = command("fleet", "units", "--robot", lib.folder, "--out", "fleet.toml")
     assert ran.code == 2

@@ -41,7 +41,7 @@ def statistics_about(
     rest = float(lib.n_joints * len(samples))
     drawn = dataclasses.replace(whole, target=target, rest=rest)
     return UnitStatistics(
-        **dataclasses.asdict(drawn),
+        drawn,
         density=1.0,
         unit=name,
         robot=lib.name,

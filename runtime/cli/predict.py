@@ -41,15 +41,18 @@ from runtime.excitation.search.information import FRICTION, NOISE, RATE, informa
 from runtime.excitation.trajectory_file import read_trajectory
 from runtime.identification.expected_accuracy.expected import (
     SECONDS,
+    TOTAL_MASS,
     Expected,
     GainOfRecording,
     Knowledge,
     base_names,
     expected,
+    expected_of_walk,
     facts,
     gain_slopes,
     gained,
     growth,
+    named_of_walk,
     unseen_torque,
     verdict,
 )
@@ -61,7 +64,6 @@ from runtime.identification.expected_accuracy.planned_samples import (
     noise_of,
     planned_recording,
 )
-from runtime.identification.free_base.expected import TOTAL_MASS, expected_of_walk, named_of_walk
 from runtime.identification.identify import identify
 from runtime.identification.prepared_log import prepared_log
 from runtime.identification.settings import Settings

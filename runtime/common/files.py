@@ -15,7 +15,7 @@ import shutil
 import stat
 import tomllib
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
@@ -231,6 +231,22 @@ def toml_value(value: Any) -> str:
         return repr(value)
     # TOML has no \/ and JSON no DEL; all other escapes are the same.
     return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def toml_lines(table: Mapping[str, Any], *path: str) -> Iterator[str]:
+    """Lines of a table of TOML at a path of keys: its values first, then the tables within."""
+    for key, value in table.items():
+        if not isinstance(value, Mapping):
+            yield f"{_toml_key(key)} = {toml_value(value)}"
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            yield f"\n[{'.'.join(map(_toml_key, (*path, key)))}]"
+            yield from toml_lines(value, *path, key)
+
+
+def _toml_key(key: str) -> str:
+    bare = key.replace("_", "").replace("-", "")
+    return key if bare.isascii() and bare.isalnum() else toml_value(key)
 
 
 @contextmanager

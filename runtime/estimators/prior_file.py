@@ -96,7 +96,15 @@ class KnownFriction:
         return Friction.from_facts({"columns": self.columns, **self.widths})
 
     def of(self, friction: Friction, columns: tuple[str, ...]) -> FrictionPrior:
-        """Prior of the coefficients of a friction model."""
+        """Prior of the coefficients of a friction model.
+
+        Args:
+            friction: model with its widths.
+            columns: names of its columns.
+
+        Returns:
+            The prior of the columns that both have, and none of the others.
+        """
         for name in widths_of(tuple(set(columns) & set(self.columns))) & set(self.widths):
             known, now = self.widths[name], float(getattr(friction, name))
             if abs(known - now) > ALIKE * known:
@@ -107,13 +115,10 @@ class KnownFriction:
                     f"the friction of the prior belongs to {name} = {known:g}, but this log is "
                     f"identified with {now:g}; {way}"
                 )
-        shape = (len(self.mean), len(columns))
-        mean, sigma = np.zeros(shape), np.full(shape, np.inf)
-        for k, name in enumerate(columns):
-            if name in self.columns:
-                at = self.columns.index(name)
-                mean[:, k], sigma[:, k] = self.mean[:, at], self.sigma[:, at]
-        return FrictionPrior(mean, sigma)
+        shared = [name for name in columns if name in self.columns]
+        to, of = ([each.index(name) for name in shared] for each in (columns, self.columns))
+        shape, places = (len(self.mean), len(columns)), np.s_[:, to]
+        return FrictionPrior.of_some(shape, places, self.mean[:, of], self.sigma[:, of])
 
 
 def prior_about(lib: Library, guess: Array, centre: Array | None) -> Prior:
@@ -368,11 +373,8 @@ def friction_prior_of(armature: Array, columns: tuple[str, ...]) -> FrictionPrio
             "the prior states armature, but rotor inertia is not among the friction columns "
             f"{', '.join(columns) or 'none'}; add rotor to --friction"
         )
-    shape = (len(armature), len(columns))
-    mean, sigma = np.zeros(shape), np.full(shape, np.inf)
-    k = columns.index(ROTOR.name)
-    mean[:, k], sigma[:, k] = armature.T
-    return FrictionPrior(mean, sigma)
+    shape, places = (len(armature), len(columns)), np.s_[:, columns.index(ROTOR.name)]
+    return FrictionPrior.of_some(shape, places, *armature.T)
 
 
 def _from_model(path: Path, name: str, lib: Library) -> dict[str, float]:

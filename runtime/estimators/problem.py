@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from runtime.errors import IdentificationError
 from runtime.estimators.optimizers import Trace
@@ -49,6 +50,15 @@ class FrictionPrior:
 
     mean: Array  # (n, k) [N·m per unit of the column]
     sigma: Array  # standard deviations, (n, k); infinite where there is no prior
+
+    @classmethod
+    def of_some(
+        cls, shape: tuple[int, ...], places: Any, mean: ArrayLike, sigma: ArrayLike
+    ) -> "FrictionPrior":
+        """Prior of the coefficients at some places, and none of the others."""
+        prior = cls(np.zeros(shape), np.full(shape, np.inf))
+        prior.mean[places], prior.sigma[places] = mean, sigma
+        return prior
 
     def over(self, other: "FrictionPrior") -> "FrictionPrior":
         """This prior, and another one where it states none."""

@@ -7,6 +7,7 @@ Robots whose URDF states no masses take methods that need no inertial prior, or 
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -276,29 +277,20 @@ def known_friction(
     lib: Library, settings: Settings, columns: tuple[str, ...], friction: Friction
 ) -> FrictionPrior | None:
     """Prior of the friction coefficients, stated ones before those of the columns."""
-    stated = _stated_friction(settings, columns, friction)
-    weak = np.array([COLUMNS[c].prior_sigma if c in COLUMNS else np.inf for c in columns])
-    if not np.isfinite(weak).any():
-        return stated
-    sigma = np.tile(weak, (lib.n_joints, 1))
-    of_columns = FrictionPrior(np.zeros_like(sigma), sigma)
-    return of_columns if stated is None else stated.over(of_columns)
-
-
-def _stated_friction(
-    settings: Settings, columns: tuple[str, ...], friction: Friction
-) -> FrictionPrior | None:
-    """Prior of the friction coefficients, of the settings or of a file of priors."""
     prior, stated = settings.prior, settings.friction_prior
-    if isinstance(stated, KnownFriction):
-        return stated.of(friction, columns)
-    if stated is not None or prior is None:
-        return stated
-    known = None if prior.friction is None else prior.friction.of(friction, columns)
-    if prior.armature is None:
-        return known
-    rotors = friction_prior_of(prior.armature, columns)
-    return rotors if known is None else rotors.over(known)
+    priors: list[FrictionPrior] = []
+    if stated is not None:
+        priors = [stated.of(friction, columns) if isinstance(stated, KnownFriction) else stated]
+    elif prior is not None:
+        if prior.armature is not None:
+            priors.append(friction_prior_of(prior.armature, columns))
+        if prior.friction is not None:
+            priors.append(prior.friction.of(friction, columns))
+    weak = np.array([COLUMNS[c].prior_sigma if c in COLUMNS else np.inf for c in columns])
+    if np.isfinite(weak).any():
+        sigma = np.tile(weak, (lib.n_joints, 1))
+        priors.append(FrictionPrior(np.zeros_like(sigma), sigma))
+    return reduce(FrictionPrior.over, priors) if priors else None
 
 
 def settings_for(lib: Library, settings: Settings) -> Settings:

@@ -250,9 +250,8 @@ def assemble_logs(
         width = parts[0].required("columns").shape[2] if parts[0].columns is not None else 0
         prior, count = settings.friction_prior, len(shared)
         if isinstance(prior, FrictionPrior):  # of the shared columns, which are first
-            mean, sigma = np.zeros((lib.n_joints, width)), np.full((lib.n_joints, width), np.inf)
-            mean[:, :count], sigma[:, :count] = prior.mean[:, :count], prior.sigma[:, :count]
-            prior = FrictionPrior(mean, sigma)
+            of_shared = (each[:, :count] for each in (prior.mean, prior.sigma))
+            prior = FrictionPrior.of_some((lib.n_joints, width), np.s_[:, :count], *of_shared)
         return assembled(
             *(parts, lib, replace(settings, friction_prior=prior), fitted_terms, regressor),
             progress=progress,

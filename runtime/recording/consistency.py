@@ -5,6 +5,8 @@ seconds, 1e-6 and 1e-9 microseconds and nanoseconds. Nothing is corrected: joint
 signs are stated in a recipe and never guessed.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from runtime.errors import IdentificationError, RecordingError
@@ -24,6 +26,8 @@ TIMES_USUAL, BESIDE_TURN = 20.0, (0.05, 0.5)
 """Largest distance of a jump from one turn, over the 99 % quantile of the steps of the joint, and
 its bounds [rad]: a gap of some rows moves it further, a corrupt row lies anywhere."""
 DEGREE = 180.0 / np.pi
+NEAR = 0.15
+"""Relative distance of a slope from that of a unit, below which it names the unit."""
 FEWEST_SIGNED = 3
 """Joints with a varying torque, from which on one sign of all is none of gravity."""
 UNITS_OF_TIME = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "s declared as ms": 1e3}
@@ -41,15 +45,13 @@ def check_consistency(recording: Recording) -> Recording:
         "velocities look like degrees per second": 1.0 / DEGREE,
         **{f"time looks like {unit}": factor for unit, factor in UNITS_OF_TIME.items()},
     }
-    for suspicion, factor in looks.items():
-        joints = np.flatnonzero(np.abs(slopes / factor - 1.0) < 0.15)
-        if joints.size:
-            others = f" (and at {joints.size - 1} more)" if joints.size > 1 else ""
-            raise RecordingError(
-                f"{suspicion}: expected Δq/Δt equal to dq, but their ratio is "
-                f"{slopes[joints[0]]:.4g} at joint {joints[0] + 1}"
-                f"{others}; state the unit in a recipe"
-            )
+    if pair := unit_of_slopes(slopes, looks):
+        suspicion, joints = pair
+        others = f" (and at {joints.size - 1} more)" if joints.size > 1 else ""
+        raise RecordingError(
+            f"{suspicion}: expected Δq/Δt equal to dq, but their ratio is "
+            f"{slopes[joints[0]]:.4g} at joint {joints[0] + 1}{others}; state the unit in a recipe"
+        )
     odd = np.flatnonzero(np.abs(slopes - 1.0) > 0.1)
     if odd.size:
         listed = ", ".join(f"{slopes[j]:.3g} at joint {j + 1}" for j in odd)
@@ -103,6 +105,15 @@ def slopes_of(recording: Recording) -> Array:
         if spread < np.abs(middle := np.median(ratio)):
             slopes[j] = middle
     return slopes
+
+
+def unit_of_slopes(slopes: Array, looks: Mapping[str, float]) -> tuple[str, Integers] | None:
+    """First unit, by its factor, that some slopes are near to, and the joints of these."""
+    for unit, factor in looks.items():
+        joints = np.flatnonzero(np.abs(slopes / factor - 1.0) < NEAR)
+        if joints.size:
+            return unit, joints
+    return None
 
 
 def _note_suspicions(recording: Recording) -> Recording:
@@ -160,19 +171,27 @@ def require_motion(recording: Recording, lib: Library) -> None:
             f"the recording '{recording.name}' has no dq, and its rate of {recording.rate_hz:.3g} "
             "Hz is too low to differentiate q; if its time is in ms, state that in a recipe"
         )
+    if sentence := sentence_on_limits(recording.q, lib):
+        raise IdentificationError(
+            f"{sentence}; state unit, order, sign and offset in a recipe, or choose another --robot"
+        )
+
+
+def sentence_on_limits(q: Array, lib: Library) -> str:
+    """Sentence on the joint of positions (N, n) that is farthest beyond its limits; "" for none."""
     limits = lib.limits()
     # A minimum over short rows takes ten times as long.
-    joints = np.ascontiguousarray(recording.q.T)
+    joints = np.ascontiguousarray(q.T)
     low, high = joints.min(axis=1), joints.max(axis=1)
     beyond = np.maximum(limits["lower"] - low, high - limits["upper"])
     worst = int(np.argmax(beyond))
-    if beyond[worst] > BEYOND_LIMIT:
-        raise IdentificationError(
-            f"joint '{lib.joint_names[worst]}' moves from {low[worst]:.3g} to {high[worst]:.3g}, "
-            f"its limits are {limits['lower'][worst]:.3g} to {limits['upper'][worst]:.3g} "
-            f"{lib.manifest.joints[worst].unit}; state unit, order, sign and offset in a recipe, "
-            "or choose another --robot"
-        )
+    if not beyond[worst] > BEYOND_LIMIT:
+        return ""
+    return (
+        f"joint '{lib.joint_names[worst]}' moves from {low[worst]:.3g} to {high[worst]:.3g}, "
+        f"its limits are {limits['lower'][worst]:.3g} to {limits['upper'][worst]:.3g} "
+        f"{lib.manifest.joints[worst].unit}"
+    )
 
 
 def require_joints(recording: Recording, lib: Library) -> None:

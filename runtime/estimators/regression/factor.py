@@ -116,13 +116,17 @@ class Statistics:
                 f"expected a forgetting factor above 0 and at most 1, got {forgetting}; "
                 "1 forgets nothing"
             )
-        root = np.sqrt(forgetting)
+        return self.repeated(forgetting)
+
+    def repeated(self, times: float) -> "Statistics":
+        """Statistics in which every sample counts `times` times."""
+        root = np.sqrt(times)
         return replace(
             self,
             factor=self.factor * root,
             target=self.target * root,
-            rest=self.rest * forgetting,
-            n_samples=self.n_samples * forgetting,
+            rest=self.rest * times,
+            n_samples=self.n_samples * times,
         )
 
     def triangle(self) -> Array:

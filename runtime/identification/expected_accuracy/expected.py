@@ -34,8 +34,9 @@ from runtime.excitation.search.information import information
 from runtime.excitation.search.measures import covariance
 from runtime.excitation.search.prediction import payload_sigma
 from runtime.identification.expected_accuracy.planned_samples import MotionSamples
+from runtime.identification.free_base.result import FreeBaseIdentification
 from runtime.library import Array, Library
-from runtime.library.parameters import N_PARAMETERS, PI_NAMES, inertia, links, mass
+from runtime.library.parameters import MASS, N_PARAMETERS, PI_NAMES, inertia, links, mass
 from runtime.recording.friction.columns import OFFSET
 
 PAYLOAD_MASS = "payload mass"
@@ -361,3 +362,25 @@ def growth(
             [np.inf if one.payload is None else float(mass(one.payload)) for one in sigmas]
         ),
     )
+
+
+TOTAL_MASS = "total mass"
+"""Name of the mass of a robot with a free base."""
+
+
+def expected_of_walk(result: FreeBaseIdentification, seconds: float = 0.0) -> Expected:
+    """σ of the training part of a walk, and of some seconds of the same motion after it.
+
+    More of the same motion adds rows in proportion to time, while offsets of sensors stay constant,
+    so that their share of σ stays, too.
+    """
+    evidence = result.evidence
+    _, reduced, _, spread = evidence.after(seconds)
+    rows = reduced.factor / np.sqrt(evidence.level)
+    return expected_of_root(result.lib, result.pi, spread.root, spread.by_kappa.share, rows)
+
+
+def named_of_walk(result: FreeBaseIdentification, sigma: Expected) -> dict[str, float]:
+    """Standard deviations with names: total mass, links, base parameters."""
+    total = float(np.linalg.norm(sigma.root[MASS::N_PARAMETERS].sum(axis=0)))
+    return {TOTAL_MASS: total} | sigma.by_name(result.lib)

@@ -192,9 +192,8 @@ def _task(lib: Library, data: PreparedWalk, settings: Settings, method: str) -> 
     size, notes, noise = len(sensors), tuple[str, ...](), None
     sensed = None
     if sensors:
-        sigma = np.full(fitted.shape, np.inf)
-        sigma[0, :size] = list(sensors.values())
-        sensed = FrictionPrior(np.zeros_like(sigma), sigma)
+        sigma = list(sensors.values())
+        sensed = FrictionPrior.of_some(fitted.shape, np.s_[0, :size], 0.0, sigma)
     columns = tuple(f"error{OF}{name}" for name in sensors)
     weights, count, known = np.ones(len(fitted)), 0, None
     if drives is None:
@@ -224,9 +223,11 @@ def _task(lib: Library, data: PreparedWalk, settings: Settings, method: str) -> 
 
 def _with_known(problem: Problem, known: FrictionPrior, of_drives: slice) -> Problem:
     """The problem with a prior of friction (n, k) beside that of the sensors."""
-    mean, sigma = np.zeros(problem.train.shape), np.full(problem.train.shape, np.inf)
-    mean[0, of_drives], sigma[0, of_drives] = known.mean.ravel(), known.sigma.ravel()
-    prior, sensed = FrictionPrior(mean, sigma), problem.friction_prior
+    values, places = (known.mean.ravel(), known.sigma.ravel()), (0, of_drives)
+    prior, sensed = (
+        FrictionPrior.of_some(problem.train.shape, places, *values),
+        problem.friction_prior,
+    )
     return replace(problem, friction_prior=prior if sensed is None else prior.over(sensed))
 
 

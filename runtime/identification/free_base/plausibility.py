@@ -22,12 +22,13 @@ from runtime.library import Array, Library
 from runtime.library.free_base import FREEDOM
 from runtime.library.parameters import links, mass
 from runtime.recording.consistency import (
-    BEYOND_LIMIT,
     DEGREE,
     LEAST_RATE,
     STRIDE,
     UNITS_OF_TIME,
+    sentence_on_limits,
     slopes_of,
+    unit_of_slopes,
 )
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion
@@ -35,8 +36,6 @@ from runtime.recording.recording import Recording
 
 _FASTEST = 300.0
 """RMS acceleration of the base, m/s², from which its unit or its noise is wrong: 30 times g."""
-_SLOPE = 0.15
-"""Relative distance of a ratio of units that names it."""
 _UNEXPLAINED = 0.5
 """Error over RMS of half of the rows from which a note states it."""
 _FAR = 3.0
@@ -81,13 +80,12 @@ def require_clock(recording: FreeBaseRecording) -> None:
     if len(t) <= 2 * STRIDE:
         return
     slopes = slopes_of(measured)
-    for unit, factor in UNITS_OF_TIME.items():
-        wrong = np.flatnonzero(np.abs(slopes / factor - 1.0) < _SLOPE)
-        if wrong.size:
-            raise IdentificationError(
-                f"{name}: time looks like {unit}, positions change by {slopes[wrong[0]]:.3g} times "
-                "the integral of the velocities; give t in s"
-            )
+    if pair := unit_of_slopes(slopes, UNITS_OF_TIME):
+        unit, wrong = pair
+        raise IdentificationError(
+            f"{name}: time looks like {unit}, positions change by {slopes[wrong[0]]:.3g} times "
+            "the integral of the velocities; give t in s"
+        )
 
 
 def require_joint_units(lib: Library, motion: FreeBaseMotion, name: str) -> None:
@@ -99,25 +97,17 @@ def require_joint_units(lib: Library, motion: FreeBaseMotion, name: str) -> None
             f"{_FASTEST:g}; give positions in m and t in s, or a low-pass with --cutoff"
         )
     q, dq = motion.q[:, FREEDOM:], motion.dq[:, FREEDOM:]
-    limits = lib.limits()
-    low, high = q.min(axis=0), q.max(axis=0)
-    beyond = np.maximum(limits["lower"] - low, high - limits["upper"])
-    worst = int(np.argmax(beyond))
-    if beyond[worst] > BEYOND_LIMIT:
-        joint = lib.manifest.joints[worst]
+    if sentence := sentence_on_limits(q, lib):
         raise IdentificationError(
-            f"{name}: joint '{joint.name}' moves from {low[worst]:.3g} to {high[worst]:.3g}, its "
-            f"limits are {limits['lower'][worst]:.3g} to {limits['upper'][worst]:.3g} "
-            f"{joint.unit}; give q in this unit, and the names of its columns by joints"
+            f"{name}: {sentence}; give q in this unit, and the names of its columns by joints"
         )
-    slopes = slopes_of(Recording(motion.t, q, dq=dq))
-    for factor, unit in ((1 / DEGREE, "degrees per second"), (DEGREE, "radians for q in degrees")):
-        wrong = np.flatnonzero(np.abs(slopes / factor - 1.0) < _SLOPE)
-        if wrong.size:
-            raise IdentificationError(
-                f"{name}: the velocity of joint '{lib.joint_names[wrong[0]]}' looks like {unit}, "
-                "expected the derivative of q; convert q to rad and dq to rad/s"
-            )
+    looks = {"degrees per second": 1 / DEGREE, "radians for q in degrees": DEGREE}
+    if pair := unit_of_slopes(slopes_of(Recording(motion.t, q, dq=dq)), looks):
+        unit, wrong = pair
+        raise IdentificationError(
+            f"{name}: the velocity of joint '{lib.joint_names[wrong[0]]}' looks like {unit}, "
+            "expected the derivative of q; convert q to rad and dq to rad/s"
+        )
 
 
 def require_forces_on_robot(lib: Library, rows: FreeBaseRows, name: str) -> None:

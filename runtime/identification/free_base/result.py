@@ -74,15 +74,8 @@ class Evidence:
 
     def after(self, seconds: float = 0.0) -> tuple[Statistics, Reduced, Elimination, Spread]:
         """Least squares, without φ, and spread of π after more seconds of the same motion."""
-        times, data = 1.0 + seconds / self.seconds, self.statistics
-        root = np.sqrt(times)
-        data = replace(
-            data,
-            factor=root * data.factor,
-            target=root * data.target,
-            rest=times * data.rest,
-            n_samples=times * data.n_samples,
-        )
+        times = 1.0 + seconds / self.seconds
+        data = self.statistics.repeated(times)
         if self.known is not None:
             data = data.merged(self.known)
         reduced, eliminated = reduce(data, self.lib.n_rows)

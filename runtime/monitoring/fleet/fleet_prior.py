@@ -35,6 +35,7 @@ Source: Lee, Wensing & Park 2019 (D); Dempster, Laird & Rubin 1977 (EM); Box 198
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,12 +43,12 @@ from scipy.linalg import block_diag
 from scipy.optimize import minimize_scalar
 from scipy.special import chdtrc, chdtri
 
-from runtime.common.files import replacing, toml_value
+from runtime.common.files import toml_lines, write_text
 from runtime.common.threads import cores
 from runtime.errors import IdentificationError, RuntimeFault
 from runtime.estimators.convex.entropic_prior import CAD, Prior, prior_from, prior_of
 from runtime.estimators.convex.newton import convex_problem, solve, solve_many
-from runtime.estimators.prior_file import read_prior
+from runtime.estimators.prior_file import KnownFriction, read_prior
 from runtime.estimators.problem import NoiseFloor
 from runtime.estimators.regression.factor import Reduced
 from runtime.estimators.regression.posterior import posterior_of
@@ -300,16 +301,11 @@ GRID = 80
 """Values of τ, from 1/1000 of the smallest to the largest possible one."""
 
 
-@dataclass(frozen=True, slots=True)
-class FleetFriction:
-    """Friction coefficients of a type."""
+@dataclass(frozen=True, slots=True, eq=False)
+class FleetFriction(KnownFriction):
+    """Friction coefficients of a type, and those of its units."""
 
-    columns: tuple[str, ...]  # names of the k columns that all units have
-    # coulomb_speed, stribeck_speed [rad/s] and dahl_stroke [rad] of the columns
-    widths: tuple[float, float, float]
-    mean: Array  # μ, (n, k) [N·m per unit of the column]; NaN where nothing is known
-    sigma: Array  # standard deviation of a further unit, (n, k)
-    units: Array  # coefficients of every unit, (U, n, k); NaN where its log does not determine one
+    units: Array  # of every unit, (U, n, k); NaN where its log does not determine one
 
 
 def fit_friction(lib: Library, units: Sequence[Unit], fit: FleetFit) -> FleetFriction:
@@ -332,7 +328,8 @@ def fit_friction(lib: Library, units: Sequence[Unit], fit: FleetFit) -> FleetFri
         counted = known[:, *at] & ~fit.stands_out
         if counted.sum() >= LEAST_UNITS:
             mean[at], sigma[at] = random_effects(phi[:, *at][counted], variance[:, *at][counted])
-    return FleetFriction(columns, units[0].widths, mean, sigma, phi)
+    widths = dict(zip(WIDTHS, units[0].widths, strict=True))
+    return FleetFriction(columns, widths, mean, sigma, phi)
 
 
 def random_effects(values: Array, variance: Array) -> tuple[float, float]:
@@ -362,53 +359,42 @@ def prior_text(
 ) -> str:
     """TOML text of a fleet's prior."""
     out = [name for name, flag in zip(names, fit.stands_out, strict=True) if flag]
-    low, high = fit.interval
-    lines = [
-        f"# Prior of the type '{lib.name}' from {len(names)} units; use it with identify --prior.",
-        f"trust = {fit.trust!r}",
-        "",
-        "[fleet]",
-        f"robot = {toml_value(lib.name)}",
-        f"model_hash = {toml_value(lib.manifest.model_hash)}",
-        f"units = {len(names) - len(out)}",
-        f"kappa = {fit.kappa!r}",
-        f"kappa_interval = [{low!r}, {high!r}]",
-        f"spread_percent = {100 / np.sqrt(fit.kappa):.6g}",
-        f"stand_out = {toml_value(out)}",
-        "",
-        "[centre]",
-        f"# {', '.join(PI_NAMES)}: kg, kg*m, kg*m^2, inertia about the origin of the link frame",
-    ]
-    for name, body in zip(lib.link_names, links(fit.centre), strict=True):
-        lines.append(f"{toml_value(name)} = {toml_value(body.tolist())}")
     known = np.isfinite(friction.sigma) & (friction.sigma > 0)
+    tables: dict[str, Any] = {
+        "trust": fit.trust,
+        "fleet": {
+            "robot": lib.name,
+            "model_hash": lib.manifest.model_hash,
+            "units": len(names) - len(out),
+            "kappa": fit.kappa,
+            "kappa_interval": list(fit.interval),
+            "spread_percent": float(f"{100 / np.sqrt(fit.kappa):.6g}"),
+            "stand_out": out,
+        },
+        "centre": dict(zip(lib.link_names, links(fit.centre).tolist(), strict=True)),
+    }
     if known.any():
         needed = widths_of(friction.columns)
-        lines += ["", "[friction]"]
-        pairs = zip(WIDTHS, friction.widths, strict=True)
-        lines += [f"{key} = {width!r}" for key, width in pairs if key in needed]
-    for j, joint in enumerate(lib.joint_names):
-        if known[j].any():
-            lines += ["", f"[friction.{toml_value(joint)}]"]
-        for k in np.flatnonzero(known[j]):
-            pair = [float(friction.mean[j, k]), float(friction.sigma[j, k])]
-            lines.append(f"{toml_value(friction.columns[k])} = {toml_value(pair)}")
-    if noise is not None:
-        lines += [
-            "",
-            "[noise]",
-            "# inflation N/N_eff; per joint the standard deviation of the torque",
-            f"inflation = {noise.inflation!r}",
-        ]
-        pairs_of_noise = zip(lib.joint_names, noise.sigma.tolist(), strict=True)
-        lines += [f"{toml_value(joint)} = {sigma!r}" for joint, sigma in pairs_of_noise]
-    return "\n".join(lines) + "\n"
+        tables["friction"] = {key: x for key, x in friction.widths.items() if key in needed}
+    for j in np.flatnonzero(known.any(axis=1)):
+        pairs = zip(friction.columns, friction.mean[j], friction.sigma[j], known[j], strict=True)
+        tables["friction"][lib.joint_names[j]] = {
+            name: [float(mean), float(sigma)] for name, mean, sigma, is_known in pairs if is_known
+        }
+    if noise is not None:  # N/N_eff, and the standard deviation of the torque per joint
+        of_joints = dict(zip(lib.joint_names, noise.sigma.tolist(), strict=True))
+        tables["noise"] = {"inflation": noise.inflation, **of_joints}
+    head = (
+        f"# Prior of the type '{lib.name}' from {len(names)} units; use it with identify --prior.",
+        f"# centre: {', '.join(PI_NAMES)} in kg, kg*m, kg*m^2, inertia about the origin of the "
+        "link frame",
+    )
+    return "\n".join([*head, *toml_lines(tables)]) + "\n"
 
 
 def write_prior(path: Path, text: str, lib: Library) -> None:
     """Write a prior as a whole or not at all, and read it again."""
-    with replacing(path) as file:
-        file.write(text.encode())
+    write_text(path, text)
     known = read_prior(path, lib)
     if known.centre is None or not np.isfinite(known.centre).all():
         raise RuntimeFault(f"'{path}' cannot be read again; report this with the statistics")

@@ -18,6 +18,7 @@ v̇ + ω × v, or what an accelerometer reads, v̇ + ω × v − Rᵀ g. A state
 these is far closer to it than the convention, in the median of the rows.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -125,6 +126,8 @@ _JITTER = 0.01
 """Deviation of a time step from the median from which the log is resampled, as elsewhere."""
 _GAP_S = 0.1
 """Longest gap that is filled."""
+_OF_MOTION = ("position", "rotation", "q", "dq", "ddq", "twist", "acceleration")
+"""Names of the signals that are differentiated; the others are forces."""
 _ARRAYS = ("t", "q", "dq", "ddq", "tau", "rotation", "tau_rate", "friction")
 """Arrays of a motion with one entry per instant."""
 
@@ -173,19 +176,18 @@ def motion_of(
     Friction columns that are not linear pass the low-pass like the torques, since the filtered sign
     of a speed is not the sign of the filtered speed.
     """
-    places = places_of(recording, joints)
-    blocks, width = _signals(recording, places, delay_s)
+    blocks = _signals(recording, places_of(recording, joints), delay_s)
+    width = sum(block.shape[1] for key, block in blocks.items() if key in _OF_MOTION)
     wrench = recording.contacts.wrench.reshape(len(recording.t), -1)
     whole = Recording(recording.t, np.hstack(list(blocks.values())), name=recording.name)
     whole, unknown = _on_uniform_clock(whole, np.isnan(wrench))
-    torques = sum(blocks[key].shape[1] for key in ("tau", "tau_rate") if key in blocks)
-    signals = _with_lag(recording.contacts, whole, width, torques)
+    signals = _with_lag(recording.contacts, whole, blocks)
     motion = Recording(whole.t, signals[:, :width], name=recording.name)
     forces, inside = signals[:, width:], np.arange(len(whole))
     if cutoff_hz is not None:
         motion = low_pass(motion, cutoff_hz)
     if terms is not None:
-        dry = _dry_friction(motion, blocks, len(places), terms)
+        dry = _dry_friction(motion, blocks, terms)
         blocks["friction"] = np.zeros((len(whole), dry.shape[1]))
         blocks["friction"][np.searchsorted(whole.t, motion.t)] = dry
         forces = np.hstack([forces, blocks["friction"]])
@@ -200,67 +202,53 @@ def motion_of(
         )
     motion = motion.take(np.isin(motion.t, whole.t[kept]), "Took the rows with forces.")
     forces, unknown = forces[np.isin(inside, kept)], unknown[kept]
-
-    def of(signals: Array, key: str) -> Array:
-        first = 0
-        for name, block in blocks.items():
-            if name == key:
-                return signals[:, first : first + block.shape[1]]
-            first += block.shape[1]
-        raise KeyError(key)
-
     x, dx, ddx = (
-        np.hstack([part, forces])
+        _by_name(np.hstack([part, forces]), blocks)
         for part in (motion.q, motion.required("dq"), motion.required("ddq"))
     )
-    turned = Rotation.from_matrix(of(x, "rotation").reshape(-1, 3, 3))
-    twist, acceleration = _base_rates(
-        turned.as_matrix(),
-        *(of(each, "rotation").reshape(-1, 3, 3) for each in (dx, ddx)),
-        *(of(each, "position") for each in (dx, ddx)),
-    )
+    turned = Rotation.from_matrix(x["rotation"].reshape(-1, 3, 3))
     rotation = turned.as_matrix()
+    twist, acceleration = _base_rates(
+        rotation,
+        *(each["rotation"].reshape(-1, 3, 3) for each in (dx, ddx)),
+        *(each["position"] for each in (dx, ddx)),
+    )
     if "twist" in blocks:
-        require_twist(of(x, "twist"), twist, rotation, motion.t, recording.name)
-        twist, acceleration = of(x, "twist"), of(dx, "twist")
+        require_twist(x["twist"], twist, rotation, motion.t, recording.name)
+        twist, acceleration = x["twist"], dx["twist"]
     if "acceleration" in blocks:
-        given = of(x, "acceleration")
+        given = x["acceleration"]
         require_acceleration(given, acceleration, twist, rotation, recording.name)
         acceleration = given
-    dq = of(x, "dq") if "dq" in blocks else of(dx, "q")
-    second = of(dx, "dq") if "dq" in blocks else of(ddx, "q")
-    ddq = of(x, "ddq") if "ddq" in blocks else second
-    known = np.where(unknown, np.nan, of(x, "wrench"))
-    contacts = recording.contacts
+    dq = x.get("dq", dx["q"])
+    ddq = x.get("ddq", dx.get("dq", ddx["q"]))
+    known = np.where(unknown, np.nan, x["wrench"]).reshape(len(motion), -1, 6)
     return FreeBaseMotion(
         motion.t,
-        np.hstack([of(x, "position"), turned.as_rotvec(), of(x, "q")]),
+        np.hstack([x["position"], turned.as_rotvec(), x["q"]]),
         np.hstack([twist, dq]),
         np.hstack([acceleration, ddq]),
-        of(x, "tau") if "tau" in blocks else None,
-        replace(
-            contacts,
-            wrench=known.reshape(len(motion), len(contacts.links), 6),
-            sensed=of(x, "sensed") if "sensed" in blocks else None,
-        ),
-        turned.as_matrix(),
-        of(x, "tau_rate") if "tau_rate" in blocks else None,
-        _friction(of(x, "friction"), dq, ddq, terms) if terms is not None else None,
+        x.get("tau"),
+        replace(recording.contacts, wrench=known, sensed=x.get("sensed")),
+        rotation,
+        x.get("tau_rate"),
+        None if terms is None else _friction(x["friction"], dq, ddq, terms),
     )
 
 
-def _dry_friction(
-    motion: Recording, blocks: dict[str, Array], joints: int, terms: Friction
-) -> Array:
+def _by_name(values: Array, blocks: Mapping[str, Array]) -> dict[str, Array]:
+    """Columns side by side by the names of the signals."""
+    ends = np.cumsum([block.shape[1] for block in blocks.values()])[:-1]
+    return dict(zip(blocks, np.split(values, ends, axis=1), strict=True))
+
+
+def _dry_friction(motion: Recording, blocks: Mapping[str, Array], terms: Friction) -> Array:
     """Friction columns of a filtered motion that are not linear, (N, n k)."""
-    first = sum(blocks[key].shape[1] for key in ("position", "rotation"))
-    q = motion.q[:, first : first + joints]
-    dq = np.gradient(q, motion.t, axis=0)
-    if "dq" in blocks:
-        dq = motion.q[:, first + joints : first + 2 * joints]
+    x = _by_name(motion.q, {key: each for key, each in blocks.items() if key in _OF_MOTION})
+    dq = x["dq"] if "dq" in x else np.gradient(x["q"], motion.t, axis=0)
     names = tuple(name for name in terms.columns if not COLUMNS[name].is_linear)
-    values = friction_columns(JointMotion(dq, q), replace(terms, columns=names))
-    return values.reshape(len(motion), joints * len(names))
+    values = friction_columns(JointMotion(dq, x["q"]), replace(terms, columns=names))
+    return values.reshape(len(motion), dq.shape[1] * len(names))
 
 
 def _friction(filtered: Array, dq: Array, ddq: Array, terms: Friction) -> Array:
@@ -275,12 +263,9 @@ def _friction(filtered: Array, dq: Array, ddq: Array, terms: Friction) -> Array:
     return np.stack(parts, axis=-1) if parts else np.zeros((*dq.shape, 0))
 
 
-def _signals(
-    recording: FreeBaseRecording, places: list[int], delay_s: float
-) -> tuple[dict[str, Array], int]:
-    """Signals by name, those of the motion first, and the number of columns of these."""
-    count = len(recording.t)
-    wrench = recording.contacts.wrench.reshape(count, -1)
+def _signals(recording: FreeBaseRecording, places: list[int], delay_s: float) -> dict[str, Array]:
+    """Signals by name, (N, …) each, those of the motion first."""
+    count, t = len(recording.t), recording.t
     blocks: dict[str, Array] = {
         "position": recording.position,
         "rotation": recording.rotation.reshape(count, 9),
@@ -290,24 +275,22 @@ def _signals(
         values = getattr(recording, key)
         if values is not None:
             blocks[key] = values if columns is None else values[:, columns]
-    width = sum(block.shape[1] for block in blocks.values())
-    blocks["wrench"] = np.where(np.isnan(wrench), 0.0, wrench)
+    blocks["wrench"] = np.nan_to_num(recording.contacts.wrench.reshape(count, -1), nan=0.0)
     if recording.contacts.sensed is not None:
         blocks["sensed"] = recording.contacts.sensed
     if recording.tau is not None:
-        blocks["tau"] = recording.tau[:, places]
-        if delay_s:
-            t = recording.t
-            blocks["tau"] = interpolate(t - delay_s, t, blocks["tau"])
-        blocks["tau_rate"] = np.gradient(blocks["tau"], recording.t, axis=0)
-    return blocks, width
+        tau = recording.tau[:, places]
+        blocks["tau"] = interpolate(t - delay_s, t, tau) if delay_s else tau
+        blocks["tau_rate"] = np.gradient(blocks["tau"], t, axis=0)
+    return blocks
 
 
-def _with_lag(contacts: Contacts, whole: Recording, moved: int, torques: int) -> Array:
+def _with_lag(contacts: Contacts, whole: Recording, blocks: Mapping[str, Array]) -> Array:
     """Signals with the lag of the contacts' sensors in those that these do not measure."""
     if contacts.cutoff_hz is None:
         return whole.q
-    others = np.r_[:moved, whole.q.shape[1] - torques : whole.q.shape[1]]
+    names = np.repeat(list(blocks), [block.shape[1] for block in blocks.values()])
+    others = np.flatnonzero((names != "wrench") & (names != "sensed"))
     signals = whole.q.copy()
     signals[:, others] = lagged(whole, whole.q[:, others], contacts.cutoff_hz)
     return signals

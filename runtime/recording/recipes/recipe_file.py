@@ -5,13 +5,12 @@ Recipes are written with one line per list, which tomli-w would break into one p
 
 import dataclasses
 import difflib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from runtime.common.files import toml_value
+from runtime.common.files import toml_lines
 from runtime.common.records import record_from_table, record_from_toml
 from runtime.errors import RecordingError
 from runtime.recording.formats import FORMATS
@@ -123,7 +122,7 @@ def _check_keys(table: dict[str, Any], valid: tuple[str, ...], where: str) -> No
 def recipe_text(recipe: Recipe, *comments: str) -> str:
     """The recipe as TOML, under comments of a line each."""
     lines = [f"# {' '.join(comment.split())}" for comment in comments]
-    return "\n".join([*lines, *_table(_facts(recipe), ())]) + "\n"
+    return "\n".join([*lines, *toml_lines(_facts(recipe))]) + "\n"
 
 
 def _facts(part: Any) -> dict[str, Any]:
@@ -148,19 +147,3 @@ def _facts(part: Any) -> dict[str, Any]:
         elif value != {}:
             facts[item.name] = value
     return facts
-
-
-def _table(facts: dict[str, Any], path: tuple[str, ...]) -> Iterator[str]:
-    """Lines of a table: its values first, then the tables within."""
-    for key, value in facts.items():
-        if not isinstance(value, dict):
-            yield f"{_key(key)} = {toml_value(value)}"
-    for key, value in facts.items():
-        if isinstance(value, dict):
-            yield f"\n[{'.'.join(map(_key, (*path, key)))}]"
-            yield from _table(value, (*path, key))
-
-
-def _key(key: str) -> str:
-    bare = key.replace("_", "").replace("-", "")
-    return key if bare.isascii() and bare.isalnum() else toml_value(key)

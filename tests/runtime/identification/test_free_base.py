@@ -274,7 +274,7 @@ def test_command(lib: Library, log: VirtualLog, tmp_path: Path, command: Command
     assert "friction and delay belong to the torques of joints" in done.err
 
 
-@pytest.mark.parametrize("words", [("inspect", "walk.npz"), ("excite",), ("compare", "walk.npz")])
+@pytest.mark.parametrize("words", [("inspect", "walk.npz"), ("excite",)])
 def test_other_commands_refuse_a_free_base(
     lib: Library, log: VirtualLog, tmp_path: Path, command: Command, words: tuple[str, ...]
 ) -> None:

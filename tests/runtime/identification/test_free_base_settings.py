@@ -9,7 +9,7 @@ import pytest
 from runtime.errors import RuntimeFault
 from runtime.estimators.prior_file import read_prior
 from runtime.estimators.regression.factor import reduce
-from runtime.identification.free_base.expected import expected_of_walk, named_of_walk
+from runtime.identification.expected_accuracy.expected import expected_of_walk, named_of_walk
 from runtime.identification.identify import identify
 from runtime.identification.statistics_file import read_statistics
 from runtime.library import Library, to_pinocchio_order

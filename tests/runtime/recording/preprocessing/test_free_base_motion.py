@@ -148,6 +148,12 @@ def test_motion_and_torques_have_the_lag_of_the_sensors() -> None:
     t = np.arange(600) / 100.0
     contacts = replace(swaying(t).contacts, cutoff_hz=1.0)
     ramps = np.outer(t, [1.0, -2.0, 3.0, -4.0, 5.0])
-    late = _with_lag(contacts, Recording(t, ramps), 2, 1)
+    blocks = {
+        "q": ramps[:, :2],
+        "wrench": ramps[:, 2:3],
+        "sensed": ramps[:, 3:4],
+        "tau": ramps[:, 4:],
+    }
+    late = _with_lag(contacts, Recording(t, ramps), blocks)
     lag = np.array([1.0, 1.0, 0.0, 0.0, 1.0]) / (2 * np.pi)
     np.testing.assert_allclose(late[-1], ramps[-1] * (1 - lag / t[-1]), rtol=3e-5)

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -65,7 +65,7 @@ def loaded(lib: Library, arrays: Arrays) -> Arrays:
     place, pi = np.array([0.05, 0.0, 0.1]), np.zeros_like(lib.pi0)
     moment = CARRIED * (place @ place * np.eye(3) - np.outer(place, place)) + 1e-3 * np.eye(3)
     pi[link_columns(0)] = CARRIED * np.array([1, *place, *np.zeros(6)])
-    pi[4:10] = moment[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+    pi[4:10] = moment[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     motion = motion_of(free_base_of(arrays, "log"), lib.joint_names)
     force = lib.inverse_dynamics(motion.q, motion.dq, motion.ddq, pi)
     jacobian = contact_jacobian(lib, motion)
@@ -137,6 +137,36 @@ def test_an_accelerometer_without_a_force_sensor(hopper: Library, tmp_path: Path
     assert (best.group, best.where) == ("payload", hopper.link_names[0])
     assert best.interval is not None
     assert best.interval[0] < CARRIED < best.interval[1]
+
+
+def test_a_model_by_commands_may_be_wrong_by_more_than_its_interval(
+    hopper: Library, tmp_path: Path
+) -> None:
+    """Oracle: base parameters that are wrong by 3 σ, as on simulated walks, are no change."""
+    log = virtual_log((DATA / "hopper.urdf").read_text(), ("left_foot",), 5, NOISE).arrays
+    log["tau_command"] = log.pop("tau")
+    del log["contact_wrench"]
+    first, second = (
+        {key: x[part] if len(x) == NOISE.count else x for key, x in log.items()}
+        for part in (slice(0, 1200), slice(1200, None))
+    )
+    folder = tmp_path / "result"
+    write_free_base(identify(free_base_of(first, "first"), hopper, cutoff=10.0), folder, "test")
+    saved = read_result(folder)
+    posterior = read_posterior(folder, saved, hopper).of_readings()
+    root, over_pi = posterior.root(hopper), posterior.pi_root
+    changed = []
+    for seed in range(4):
+        wrong = 3.0 * over_pi @ np.random.default_rng(seed).normal(size=over_pi.shape[1])
+        result = Watched(folder, replace(saved, pi=saved.pi + wrong), root, first, second)
+        changed.append(result.verdict(hopper, second).changed)
+    assert not any(changed)
+    tau = second["tau_command"] * np.where(np.arange(len(second["joints"])) == 0, 1.2, 1.0)
+    faulty = Watched(folder, saved, root, first, second).verdict(
+        hopper, second | {"tau_command": tau}
+    )
+    assert (faulty.best.group, faulty.best.where) == ("sensor gain", str(second["joints"][0]))
+    assert faulty.changed
 
 
 def test_command(hopper: Library, watched: Watched, command: Command, tmp_path: Path) -> None:

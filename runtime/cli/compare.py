@@ -80,8 +80,8 @@ def compare_command(given: CompareSettings) -> None:
     All methods have the same training, validation and test parts, the same weights and the same
     cut-off. The table shows their errors, consistency and time, and sentences by rule say which
     of them to use. A method that needs more than the log offers, or that fails, is a row with the
-    reason. Of a streamed log and of several logs only methods that need no single samples are
-    compared.
+    reason. Of a streamed log only methods that need no single samples are compared, of several
+    logs unless --methods names others.
 
     Written to the folder --out: compare.json, compare.md and report.html. Ctrl-C keeps the rows
     that are complete.

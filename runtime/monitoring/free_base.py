@@ -7,10 +7,8 @@ rows of the joints, and wrenches that were not measured are eliminated. Offsets 
 and other errors of theirs within their σ, differ from log to log.
 
 The rows have one covariance Σ of noise, that of an accelerometer enters many of them, and the
-equations of an instant that of Nᵀ Σ N, by which they are divided. Expectation–maximisation with
-the residual e of the equations, as in `identification.free_base.drives`:
-
-    G = Σ N (Nᵀ Σ N)⁻¹,   Σ ← mean(G e eᵀ Gᵀ + Σ − G Nᵀ Σ)
+equations of an instant that of Nᵀ Σ N, by which they are divided. Σ is that of
+expectation–maximisation, as in `identification.free_base.drives`.
 
 A gain moves the torque that the model needs, not the measured one, whose noise is in the residual.
 Where no wrench was measured all gains together are all masses together: the torques needed have to
@@ -24,7 +22,7 @@ import numpy as np
 
 from runtime.estimators.regression.coloured_noise import slow_cosines
 from runtime.estimators.regression.samples import Samples
-from runtime.identification.free_base.drives import rms
+from runtime.identification.free_base.drives import covariance_after, rms
 from runtime.identification.free_base.result import rows_by_result
 from runtime.identification.free_base.rows import sensor_errors
 from runtime.identification.saved_result import SavedResult
@@ -118,11 +116,7 @@ def _over_noise(basis: Array, rest: Array, least: Array) -> Array:
     sigma = rms(np.einsum("nkm,nm->nk", few, seen)) + float(least.max())
     covariance = np.diag(np.maximum(sigma, 1e-150) ** 2)
     for _ in range(PASSES):
-        moved = covariance @ few
-        gain = np.linalg.solve(few.swapaxes(1, 2) @ moved + floor, moved.swapaxes(1, 2))
-        rows = np.einsum("nmk,nm->nk", gain, seen)
-        known = np.einsum("nkm,nml->kl", moved, gain) / len(rows)
-        covariance = covariance + rows.T @ rows / len(rows) - known
+        covariance = covariance_after(covariance, few, seen, floor)
     spread = basis.swapaxes(1, 2) @ covariance @ basis + floor
     return np.asarray(np.linalg.inv(np.linalg.cholesky(spread)))
 

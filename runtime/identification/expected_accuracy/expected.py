@@ -375,7 +375,7 @@ def expected_of_walk(result: FreeBaseIdentification, seconds: float = 0.0) -> Ex
     so that their share of σ stays, too.
     """
     evidence = result.evidence
-    _, reduced, _, spread = evidence.after(seconds)
+    _, reduced, _, spread = evidence.after(1.0 + seconds / evidence.seconds)
     rows = reduced.factor / np.sqrt(evidence.level)
     return expected_of_root(result.lib, result.pi, spread.root, spread.by_kappa.share, rows)
 

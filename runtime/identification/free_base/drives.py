@@ -294,10 +294,22 @@ def _first_noise(lib: Library, motion: FreeBaseMotion) -> Array:
 
 def _noise(rows: FreeBaseRows, error: Array, covariance: Array, choice: str) -> Array:
     """Covariance of the rows after a pass, (6 + n, 6 + n)."""
-    seen = np.einsum("nkm,nm->nk", rows.basis, error)
-    shown = np.einsum("nkm,nlm->kl", rows.basis, rows.basis)
-    part = (seen.T @ seen - shown) / len(seen) + np.eye(seen.shape[1])
+    part = covariance_after(np.eye(len(rows.root)), rows.basis, error)
     used = CHOSEN[choice]
     covariance = covariance.copy()
     covariance[used, used] = rows.root @ part @ rows.root.T
     return covariance
+
+
+def covariance_after(
+    covariance: Array, basis: Array, error: Array, floor: float | Array = 0.0
+) -> Array:
+    """Covariance of rows r (k, k) after a pass, by equations e = Nᵀ r (N, m), N (N, k, m).
+
+    E[r | e] = G e with G = Σ N (Nᵀ Σ N + S)⁻¹, S of noise of the equations alone.
+    """
+    moved = covariance @ basis
+    gain = np.linalg.solve(basis.swapaxes(1, 2) @ moved + floor, moved.swapaxes(1, 2))
+    seen = np.einsum("nmk,nm->nk", gain, error)
+    known = np.einsum("nkm,nml->kl", moved, gain)
+    return np.asarray(covariance + (seen.T @ seen - known) / len(seen))

@@ -223,11 +223,9 @@ def _task(lib: Library, data: PreparedWalk, settings: Settings, method: str) -> 
 
 def _with_known(problem: Problem, known: FrictionPrior, of_drives: slice) -> Problem:
     """The problem with a prior of friction (n, k) beside that of the sensors."""
-    values, places = (known.mean.ravel(), known.sigma.ravel()), (0, of_drives)
-    prior, sensed = (
-        FrictionPrior.of_some(problem.train.shape, places, *values),
-        problem.friction_prior,
-    )
+    shape, sensed = problem.train.shape, problem.friction_prior
+    mean, sigma = known.mean.ravel(), known.sigma.ravel()
+    prior = FrictionPrior.of_some(shape, np.s_[0, of_drives], mean, sigma)
     return replace(problem, friction_prior=prior if sensed is None else prior.over(sensed))
 
 

@@ -72,9 +72,8 @@ class Evidence:
         """Entropic prior of the bodies."""
         return prior_about(self.lib, self.lib.pi0, self.centre)
 
-    def after(self, seconds: float = 0.0) -> tuple[Statistics, Reduced, Elimination, Spread]:
-        """Least squares, without φ, and spread of π after more seconds of the same motion."""
-        times = 1.0 + seconds / self.seconds
+    def after(self, times: float = 1.0) -> tuple[Statistics, Reduced, Elimination, Spread]:
+        """Least squares, without φ, and spread of π after `times` the time of the same motion."""
         data = self.statistics.repeated(times)
         if self.known is not None:
             data = data.merged(self.known)

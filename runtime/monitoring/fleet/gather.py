@@ -224,14 +224,14 @@ def _place(parts: Path, lib: Library, piece: Piece) -> Path:
 
 
 def _write(place: Path, units: list[Unit]) -> None:
-    # One part: the arrays of every unit behind its number.
+    """One part, whole or absent: the arrays of every unit behind its number."""
     arrays = {f"{k}.{key}": x for k, unit in enumerate(units) for key, x in arrays_of(unit).items()}
     with replacing(place) as file:
         np.savez(file, **arrays)
 
 
 def _read(place: Path) -> list[Unit] | None:
-    # Units of a part; None where it is absent or damaged, and is computed again.
+    """Units of a part; None where it is absent or damaged, and is computed again."""
     units: dict[str, dict[str, Any]] = {}
     try:
         with refusing("", ""):

@@ -284,7 +284,7 @@ def plain_rows(text: str, form: RowForm) -> Array | None:
 
     def lines() -> Iterator[str]:
         for line in lines_of(text):  # NumPy skips empty ones
-            if line.count(separator) != width - 1 or not line.strip():
+            if line.count(separator) != width - 1 or not line or line.isspace():
                 raise ValueError
             yield line
 

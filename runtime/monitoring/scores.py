@@ -84,6 +84,9 @@ DRY = 0.02
 """Dry friction that the model does not contain, relative to the range of the joint."""
 DOUBT = 1.0
 """Standard deviation of the logarithm of a scale about its default."""
+FARTHEST = 5.0
+"""Largest usual change that references may show, in DOUBT of its default: 150 times as much. Where
+that leaves their scores at as many σ (RMS), a search ends where rounding takes it."""
 FREEDOM, ASSUMED = 3, 20
 """Degrees of freedom of the covariance that a log of reference adds, or assumed changes; a log that
 is tested adds K − 1."""
@@ -332,24 +335,28 @@ def usual_of(
         scales[: len(PLAUSIBLE)] *= share
         scales[-1] *= share
     else:
+
+        def log_p(step: Array) -> tuple[float, float]:
+            scaled = default * np.exp(DOUBT * step)
+            return _common(changes, errors, logs, scaled, delay_sigma)[2:]
+
+        unexplained = IdentificationError(
+            "the logs of reference are so far from the model that no usual change explains them; "
+            "identify the robot again from one of them, or leave --reference out"
+        )
         try:
             with np.errstate(over="ignore", invalid="ignore"):
                 steps = minimize(
-                    lambda step: (
-                        -_common(
-                            changes, errors, logs, default * np.exp(DOUBT * step), delay_sigma
-                        )[2]
-                        + 0.5 * float(step @ step)
-                    ),
+                    lambda step: 0.5 * float(step @ step) - log_p(step)[0],
                     np.zeros(len(default)),
                     method="L-BFGS-B",
                     options={"maxiter": 30, "ftol": 1e-5},
                 ).x
+                rms = log_p(np.full(len(default), FARTHEST))[1]
         except (ValueError, np.linalg.LinAlgError):  # the search left the range of numbers
-            raise IdentificationError(
-                "the logs of reference are so far from the model that no usual change explains "
-                "them; identify the robot again from one of them, or leave --reference out"
-            ) from None
+            raise unexplained from None
+        if rms > FARTHEST:
+            raise unexplained
         scales = default * np.exp(DOUBT * steps)
     mean, covariance = _common(changes, errors, logs, scales, delay_sigma)[:2]
     freedom = float(FREEDOM * len(logs) if references else ASSUMED)
@@ -378,8 +385,8 @@ def expected(changes: Changes, usual: Usual, scores: Scores) -> tuple[Array, Arr
 
 def _common(
     changes: Changes, errors: int, logs: Sequence[Scores], scales: Array, delay_sigma: float
-) -> tuple[Array, Array, float]:
-    """Mean and covariance of (u, ε, shapes) given the logs, and log p of their scores."""
+) -> tuple[Array, Array, float, float]:
+    """Mean and covariance of (u, ε, shapes) given the logs; log p and RMS [σ] of their scores."""
     kinds = list(USUAL)
     sizes = [np.full(errors, scales[kinds.index("model")])]
     sizes += [np.full(SHAPES * len(changes.ranges), scales[kinds.index("shape")])]
@@ -387,14 +394,16 @@ def _common(
     first = np.maximum(changes.usual(scales), changes.usual(np.array(list(USUAL.values()))))
     first[changes.of("clock")] = np.hypot(first[changes.of("clock")], delay_sigma)
     before = np.concatenate([first, *sizes]) ** 2
-    mean, covariance, total = np.zeros(len(before)), np.diag(before), 0.0
+    mean, covariance, log_p, squares = np.zeros(len(before)), np.diag(before), 0.0, 0.0
     for each in logs:
         wide = _wide(each, changes.ranges, len(changes.names))
         across = covariance @ wide.T
         factor = cho_factor(_of_log(changes, each, scales) + wide @ across, lower=True)
         rest = each.z - wide @ mean
         solved = cho_solve(factor, rest)
-        total -= 0.5 * float(rest @ solved) + float(np.log(np.diag(factor[0])).sum())
+        squares += float(rest @ solved)
+        log_p -= 0.5 * float(rest @ solved) + float(np.log(np.diag(factor[0])).sum())
         mean = mean + across @ solved
         covariance = covariance - across @ cho_solve(factor, across.T)
-    return mean, covariance, total
+    rms = np.sqrt(squares / max(sum(len(each.z) for each in logs), 1))
+    return mean, covariance, log_p, rms

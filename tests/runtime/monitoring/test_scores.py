@@ -29,13 +29,15 @@ def test_other_shapes_are_relative_to_the_range_of_a_joint() -> None:
     np.testing.assert_array_equal(spread, np.eye(2))
 
 
-def test_references_far_from_the_model_are_refused() -> None:
-    """Property: a sentence where the search for the usual change leaves the range of numbers."""
-    rng = np.random.default_rng(1)
+@pytest.mark.parametrize("far", 10.0 ** np.arange(2, 16))
+@pytest.mark.parametrize("seed", range(3))
+def test_references_far_from_the_model_are_refused(far: float, seed: int) -> None:
+    """Property: a sentence wherever the search ends, or where it leaves the range of numbers."""
+    rng = np.random.default_rng(seed)
     changes = Changes((("clock", ""),), np.ones(1), (("ms", 1e3),), np.zeros(0))
     logs = [
         Scores(
-            1e10 * rng.normal(size=4), rng.normal(size=(4, 1)), 1e-3 * rng.normal(size=(4, 2)),
+            far * rng.normal(size=4), rng.normal(size=(4, 1)), 1e-3 * rng.normal(size=(4, 2)),
             np.zeros((4, 0)), 1e-6 * np.eye(4), 1.0, 10, 100.0,
         )
         for _ in range(3)

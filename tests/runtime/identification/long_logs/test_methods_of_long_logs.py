@@ -9,6 +9,7 @@ import pytest
 from runtime import Recording
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.least_squares import variance_of
+from runtime.estimators.descent.fit import PRESETS
 from runtime.estimators.methods import METHODS, methods_from_statistics
 from runtime.estimators.regression.samples import thesis_weights
 from runtime.identification import long_logs as blocks
@@ -46,11 +47,14 @@ BARS = {
     "pc-ols": (1e-3, 1e-5),
     "lm": (0.5, 1e-3),
     "log-cholesky": (0.5, 1e-3),
-    "adam": (1.2, 0.02),
+    "adam": (0.4, 0.01),
 }
 """Of β in σ, and of the loss. Filters leave 1e-9 of the torque at the edges of blocks, which is a
-ten-thousandth of σ with noise of 0.02 N·m and 40 000 equations; descents stop short of the bottom:
-Adam by 1.10 in the worst entry, in σ of the noise that the low-pass has left."""
+ten-thousandth of σ with noise of 0.02 N·m and 40 000 equations; descents stop short of the bottom.
+Steps of Adam amplify rounding: after 300 to 600 iterations β differs by 0.09 to 0.14 σ. Its own end
+is the best of many equal validation losses, which rounding chooses."""
+FULL = PRESETS["full"]
+SHORT = dataclasses.replace(FULL, rule=dataclasses.replace(FULL.rule, max_iterations=500))
 
 
 @pytest.mark.parametrize("method", BARS)
@@ -61,6 +65,7 @@ def test_answers_are_those_of_the_whole_log(lib, log, tmp_path, monkeypatch, met
     """
     monkeypatch.setattr(passes, "LENGTH", 200)
     options = {"preparation": PREPARATION, "friction": FRICTION}
+    options |= {"preset": SHORT} if method == "adam" else {}
     whole = identify_recording(log, lib, method, **options)
     weights = thesis_weights(whole.train.tau)
     monkeypatch.setattr(problem_setup, "thesis_weights", lambda *_: weights)

@@ -124,6 +124,20 @@ def test_bodies_friction_and_delay_without_forces(
     assert len(rms.after) == 9
 
 
+def test_equations_per_instant_change_with_the_contacts(
+    hopper: Library, log: VirtualLog, arrays: Arrays
+) -> None:
+    """Oracle: total mass; a foot whose wrench is measured for a while leaves nine equations, not
+    three, as a foot that is lifted does.
+    """
+    wrench = log.arrays["contact_wrench"].copy()
+    wrench[300:600] = np.nan
+    result = identify(free_base_of(arrays | {"contact_wrench": wrench}, "log"), hopper, cutoff=15.0)
+    assert any("3 to 9 of 9 equations" in note for note in result.record.warnings)
+    mass, total = result.record.total_mass, true_pi(log)[::10].sum()
+    assert abs(mass.value - total) < 4 * mass.sigma < 0.1 * total
+
+
 @pytest.mark.parametrize(("cutoff", "ends"), [(None, 0.1), (5.0, 0.2)])
 def test_ends_without_a_whole_delay_or_period_are_left_out(
     hopper: Library, arrays: Arrays, cutoff: float | None, ends: float

@@ -310,7 +310,7 @@ def covariance_after(
     """
     moved = covariance @ basis
     # Instants of fewer equations have columns of zeros, whose gain is zero.
-    floor = floor + np.eye(basis.shape[2]) * ~basis.any(axis=1)[:, None, :]
+    floor = floor + np.eye(basis.shape[2]) * np.logical_not(basis.any(axis=1))[:, None, :]
     gain = np.linalg.solve(basis.swapaxes(1, 2) @ moved + floor, moved.swapaxes(1, 2))
     seen = np.einsum("nmk,nm->nk", gain, error)
     known = np.einsum("nkm,nml->kl", moved, gain)

@@ -142,10 +142,11 @@ def identify(
     data = _prepared_logs(named, lib, chosen, usable_columns([method]), shown)
     several, is_streamed = len(named) > 1, data[0].streamed is not None
     # The drives of one log in memory are estimated together with the links, others before.
-    is_together = not (several or is_streamed)
-    request = drive_request(data[0], chosen, method) if is_together else None
+    request = drive_request(data[0], chosen, method)
     if several or request is not None:
         data = with_drives(data, lib, chosen)
+    is_together = not (several or is_streamed)
+    request = request if is_together else None
     names, notes = [each.name for each in named], _notes(named, data)
     data = [replace(log, preparation=delayed(log, chosen)) for log in data]
     delays = list[DriveFit]()

@@ -10,6 +10,13 @@ and begins at instants that decimation keeps. The response of a Butterworth filt
 like exp(−t/T), T = 1 / (2π f_c sin(π/2p)); thirty T on both sides leave 1e-13 of the signal beyond
 the block. No block reaches beyond its part, so that no row of the test part has an effect on the
 others. Each block is prepared once; its rows are then stored in a temporary file.
+
+Friction with a memory begins anew with every block, ζ = 0 at the start of its overlap. What it
+lacks fades with the travel, and is the difference from the block before where both have a row:
+
+    ζ_true − ζ = d exp(−Σ|Δq| / z_c),   d at the first row, |d| ≤ exp(−travel of the overlap / z_c)
+
+so that a joint that rests from one block to the next keeps its state.
 """
 
 from bisect import bisect_left
@@ -36,7 +43,7 @@ from runtime.identification.settings import (
     shares_of,
     terms_of,
 )
-from runtime.library import Array, Library
+from runtime.library import Array, Integers, Library
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.consistency import check_consistency, require_plausible
 from runtime.recording.formats.tables import Spool
@@ -44,6 +51,7 @@ from runtime.recording.friction.coupled_motors import geared
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.parts import for_part, span_of_part, validation_start
 from runtime.recording.recording import ARRAYS
+from runtime.recording.settings import COLUMNS
 from runtime.recording.streamed import RawRows, StreamedRecording
 
 BLOCK = 65536
@@ -77,6 +85,8 @@ class Blocks:
     span: tuple[float, float] = (-np.inf, np.inf)
     # first instant that is taken of the blocks [s]: those of the training part may include others
     first: float = -np.inf
+    # index of a block → columns with a memory at its first row, by the block before, (n, m)
+    states: dict[int, Array] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.edges) - 1
@@ -88,7 +98,18 @@ class Blocks:
         kept = self.kept[index]
         return None if kept is None else kept.read(self.spool)
 
-    def _stored(self, index: int, rows: Recording | None) -> Recording | None:
+    def _stored(
+        self, index: int, ready: "tuple[Recording | None, _Memory | None]"
+    ) -> Recording | None:
+        rows, memory = ready
+        if memory is not None:
+            lacked = self.states.get(index, memory.ends[0]) - memory.ends[0]
+            lacked = np.clip(lacked, -memory.before[:, None], memory.before[:, None])
+            self.states[index + 1] = memory.ends[1] + lacked * memory.after[:, None]
+            if rows is not None and lacked.any():
+                columns = np.array(rows.columns)
+                columns[:, :, memory.places] += lacked * memory.within[:, :, None]
+                rows = rows.replace(columns=columns)
         self.kept[index] = None if rows is None else _stored(rows, self.spool)
         return rows
 
@@ -108,18 +129,19 @@ class Blocks:
         first = max(start - self.overlap, self.edges[0])
         return self.log.numbers(first, min(stop + self.overlap, self.edges[-1]))
 
-    def _prepare(self, index: int, raw: RawRows) -> Recording | None:
+    def _prepare(self, index: int, raw: RawRows) -> "tuple[Recording | None, _Memory | None]":
         window = self.log.recording_of(raw)
         whole = prepare(
             window, replace(self.preparation, rest_speed=None), self.terms, lib=self.lib
         )
-        low, high = self.instants[index : index + 2] - self.half_step
-        kept = (whole.t >= low) & (whole.t < high)
+        first, last = np.searchsorted(whole.t, self.instants[index : index + 2] - self.half_step)
+        kept = np.arange(first, last)
         rest = self.preparation.rest_speed
         if rest is not None and whole.dq is not None:
-            kept &= np.any(np.abs(whole.dq) >= rest, axis=1)
-        rows = np.flatnonzero(kept)
-        return whole.take(rows, f"Took {len(rows)} rows of a block.") if rows.size else None
+            kept = kept[np.any(np.abs(whole.dq[kept]) >= rest, axis=1)]
+        memory = _memory(whole, self.terms, kept, int(first), int(last))
+        took = f"Took {len(kept)} rows of a block."
+        return (whole.take(kept, took) if kept.size else None), memory
 
     def within(self) -> range:
         """Blocks that contain instants t ≥ `first`."""
@@ -145,6 +167,35 @@ class Blocks:
                 rows = kept.count if whole else np.sum(kept.instants(self.spool) >= self.first)
                 count += int(rows)
         return count
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Memory:
+    """Columns with a memory of a block, and what is left of their state by travel."""
+
+    places: list[int]  # of the m columns
+    ends: Array  # columns at the first rows of this block and of the next one, (2, n, m)
+    before: Array  # exp(−Σ|Δq| / z_c) from the first prepared row to the first row, (n,)
+    within: Array  # from there to every row of the block, (N, n)
+    after: Array  # to the first row of the next block, (n,)
+
+
+def _memory(
+    whole: Recording, terms: Friction, rows: Integers, first: int, last: int
+) -> _Memory | None:
+    """Memory of a block, the rows from `first` to before `last` of `whole`, of which it keeps some.
+
+    None without a column that has a memory.
+    """
+    names, columns = whole.column_names, whole.columns
+    places = [k for k, each in enumerate(names) if each in COLUMNS and COLUMNS[each].has_memory]
+    if columns is None or not places or first >= len(whole):
+        return None
+    places += [k for k, each in enumerate(names) if each in COLUMNS and COLUMNS[each].takes_memory]
+    travel = np.cumsum(np.abs(np.diff(whole.q, axis=0, prepend=whole.q[:1])), axis=0)
+    left = np.exp(-np.abs(travel - travel[first]) / terms.dahl_stroke)
+    edges = [first, min(last, len(whole) - 1)]
+    return _Memory(places, columns[edges][:, :, places], left[0], left[rows], left[edges[1]])
 
 
 _ARRAYS = ("t", *ARRAYS)

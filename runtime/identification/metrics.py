@@ -19,7 +19,8 @@ CONSISTENCY_TOLERANCE = 1e-12
 class TorqueError:
     """Torque-prediction error of one model on one set of samples."""
 
-    percent: Array  # 100 ‖τ_j − τ̂_j‖ / ‖τ_j‖ per joint (Eq. 5.1)
+    # 100 ‖τ_j − τ̂_j‖ / ‖τ_j‖ per joint (Eq. 5.1); NaN where τ_j is zero throughout
+    percent: Array
     overall: float  # the same over all joints together
     rms: Array  # root mean square of τ_j − τ̂_j per joint, N·m or N
 
@@ -41,9 +42,9 @@ def torque_error(measured: Array, predicted: Array) -> TorqueError:
 
 def torque_error_of(size: Array, scale: Array, count: int) -> TorqueError:
     """Torque error from norms per joint, (n,), of `count` residuals and of the measured torque."""
-    percent = 100 * np.divide(size, scale, out=np.where(size == 0, 0.0, np.inf), where=scale > 0)
+    percent = 100 * np.divide(size, scale, out=np.full(size.shape, np.nan), where=scale > 0)
     whole = float(np.linalg.norm(scale))
-    overall = 100 * float(np.linalg.norm(size)) / whole if whole else 0.0
+    overall = 100 * float(np.linalg.norm(size)) / whole if whole else np.nan
     return TorqueError(percent, overall, size / np.sqrt(count))
 
 

@@ -112,7 +112,6 @@ def prepared_log(
         notes = (*notes, *sentences)
     if streamed is not None:
         streamed = replace(streamed, gains=recording.gains)  # those of the first rows
-        usable = without_memory(usable)
     if recording.columns is not None:
         return PreparedLog(recording, prepared, settings.split, terms, notes, streamed)
     steps = prepared, parts
@@ -122,8 +121,7 @@ def prepared_log(
         names = [
             name
             for name, columns in FRICTION_MODELS.items()
-            if (streamed is None or not has_memory(columns))  # blocks do not hand on its state
-            and (ROTOR.name not in columns or ROTOR.name in usable)
+            if ROTOR.name not in columns or ROTOR.name in usable
         ]
         choice = choose_friction(
             recording, lib, *steps, settings.coulomb_speed, names, extra=further.columns

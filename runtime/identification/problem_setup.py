@@ -209,7 +209,11 @@ def assembled(
         return map(resolved, () if pieces is None else pieces(name))
 
     train, validation, test = parts = tuple(map(resolved, parts))  # type: ignore[assignment]
-    samples_of(test, lib)  # refuses a test part that no error can be computed on
+    if not samples_of(test, lib).tau.any():
+        raise IdentificationError(
+            "the torque is 0 throughout the test part, so that no error of a model can be stated; "
+            "leave out the rows without power (leave_out of a recipe), or use another --split"
+        )
     names = train.column_names
     if of_power is not None:
         train, validation = map(resolved, of_power(parts))

@@ -102,7 +102,7 @@ def identify_free_base(
     tested = data.tested.samples
     by_result = tested.rigid(lib, fit.pi) + tested.columns @ fit.phi[0]
     measured, before, after = map(shown, (tested.tau, tested.rigid(lib, lib.pi0), by_result))
-    errors = [_error(measured, each) for each in (before, after)]
+    errors = [metrics.torque_error(measured, each) for each in (before, after)]
     percent, sizes = error_parts(*errors)
     deviations = np.linalg.norm(root, axis=1)
     sensors = dict(zip(task.sensors, fit.phi[0, : places.start].tolist(), strict=True))
@@ -227,13 +227,6 @@ def _with_known(problem: Problem, known: FrictionPrior, of_drives: slice) -> Pro
     mean, sigma = known.mean.ravel(), known.sigma.ravel()
     prior = FrictionPrior.of_some(shape, np.s_[0, of_drives], mean, sigma)
     return replace(problem, friction_prior=prior if sensed is None else prior.over(sensed))
-
-
-def _error(measured: Array, predicted: Array) -> metrics.TorqueError:
-    """Error of rows (N, k); NaN where they are zero throughout, as in free flight."""
-    error, is_silent = metrics.torque_error(measured, predicted), ~measured.any(axis=0)
-    percent = np.where(is_silent, np.nan, error.percent)
-    return replace(error, percent=percent, overall=np.nan if is_silent.all() else error.overall)
 
 
 def _delay(drives: Drives | None, fit: Fit, deviations: Array) -> Delay | None:

@@ -15,19 +15,20 @@ def test_torque_error_by_hand() -> None:
     measured = np.array([[3.0, 0.0, 0.0], [4.0, 0.0, 0.0]])
     predicted = np.array([[3.0, 0.0, 1.0], [3.0, 0.0, 0.0]])
     error = torque_error(measured, predicted)
-    # Joint 2 is silent in both, joint 3 only in the measurement.
-    assert error.percent.tolist() == [20.0, 0.0, np.inf]
+    # Nothing was measured at joints 2 and 3.
+    assert error.percent == pytest.approx([20.0, np.nan, np.nan], nan_ok=True)
     # √(1 + 1) of 5, to rounding.
     assert error.overall == pytest.approx(100 * np.sqrt(2) / 5, rel=1e-15)
     assert error.rms == pytest.approx([np.sqrt(0.5), 0.0, np.sqrt(0.5)], rel=1e-15)
 
 
-def test_torque_error_of_two_silent_recordings_is_zero() -> None:
-    """Property: nothing predicted where nothing was measured is no error."""
+def test_a_silent_recording_has_no_share() -> None:
+    """Property: whatever is predicted where nothing was measured, its share is undefined."""
     silent = np.zeros((4, 2))
-    error = torque_error(silent, silent)
-    assert error.overall == 0.0
-    assert error.percent.tolist() == [0.0, 0.0]
+    for predicted in (silent, silent + 1):
+        error = torque_error(silent, predicted)
+        assert np.isnan([error.overall, *error.percent]).all()
+        assert (error.rms == predicted[0]).all()
 
 
 def spd(rng: np.random.Generator, n: int = 4) -> np.ndarray:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from runtime.errors import IdentificationError
 from runtime.estimators.methods import METHODS
 from runtime.identification.identified import torque_errors
 from runtime.identification.single_log import identify_recording
@@ -52,6 +53,13 @@ def test_a_test_recording_of_the_same_clock_tests(lib, noisy):
     settings = {"friction": Friction(), "certify": False}
     assert identify_recording(noisy, lib, validation=other, test=other, **settings).has_test
     assert not identify_recording(noisy, lib, validation=other, test=noisy, **settings).has_test
+
+
+def test_a_test_part_without_torque_is_refused(lib, noisy):
+    """Property: of a drive without power in the last 40 % no error is stated as 0 %."""
+    tau = np.where(noisy.t[:, None] < noisy.t[0] + 0.59 * noisy.duration, noisy.tau, 0.0)
+    with pytest.raises(IdentificationError, match=r"throughout the test part.*\(leave_out"):
+        identify_recording(noisy.replace(tau=tau), lib)
 
 
 def test_a_split_trains_on_everything(lib, noisy):

@@ -18,12 +18,15 @@ from runtime.recording.commanded_torque import without_ends
 from runtime.recording.friction.model import DRIVE, columns
 from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.settings import JointMotion
+from runtime.recording.streamed import StreamedRecording, open_streamed
 from tests.runtime.servo_logs import STROKE, dry_servo_log
 
 PREPARATION = Preparation(filter="butterworth", cutoff_hz=10.0, trim_s=0.2)
 
 
-def identified(log: Recording, lib: Library, terms: Friction | None = None) -> Identification:
+def identified(
+    log: Recording | StreamedRecording, lib: Library, terms: Friction | None = None
+) -> Identification:
     """The result with the delay as an unknown."""
     settings = Settings(preparation=PREPARATION, friction=terms, gain_sigma=0, delay="auto")
     return identify(log, lib, settings, encoder_bias=False)
@@ -67,6 +70,7 @@ def test_memory_is_chosen_where_friction_has_one(tiny_built: Path, tmp_path, slo
     assert drive is not None
     assert sigma is not None
     assert abs(drive.delay[0]) < 5e-4
+    assert identified(open_streamed(tmp_path / "log.npz"), lib).friction == result.friction
     facts = drive.parts(lib.joint_names, result.phi, sigma, result.friction.columns)
     assert facts[0].coulomb == result.phi[0, 1]
     assert facts[0].sigma.coulomb == sigma[0, 1]

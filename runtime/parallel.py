@@ -17,8 +17,6 @@ from threadpoolctl import threadpool_limits
 from runtime.common.optional import optional
 from runtime.errors import IdentificationError, RuntimeFault
 
-__all__ = ["on_cluster"]
-
 PATIENCE = 30.0
 """Time limit for the first worker of a cluster [s]."""
 CONNECTED = 5.0
@@ -40,17 +38,9 @@ def on_cluster(
 ) -> Generator[T, None, None]:
     """Run `work(prepared, piece)` on every piece of work, on a dask cluster.
 
-    Closing the iterator cancels pieces that wait and abandons those that run.
-
-    Args:
-        prepare: called once by every thread of a worker, such as for its library.
-        work: called on the workers.
-        rounds: pieces of work, round by round; the next begins when the one before is done.
-        scheduler: address of the scheduler.
-        of: work that sentences name.
-
-    Yields:
-        Results of a round in the order in which they end.
+    Every thread of a worker prepares once. A round of pieces begins when the one before is done;
+    results come in the order in which they end. Closing the iterator cancels pieces that wait and
+    abandons those that run.
     """
     what = "work on a cluster, here and on every worker,"
     as_completed = optional("distributed", what, "cluster", IdentificationError).as_completed

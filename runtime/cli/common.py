@@ -33,8 +33,6 @@ from runtime.library import Library, load
 from runtime.library.library import ForeignRobotError, find
 from runtime.registry import Registry
 
-__all__ = ["RobotChoices", "counting", "open_robot"]
-
 Overwrite = Annotated[bool, output_option("--overwrite", help="Replace files that exist.")]
 PAGE = b'<meta name="generator" content="symgen">'
 """Mark of an HTML page of this package."""
@@ -101,19 +99,7 @@ def listed(text: str, known: Sequence[str], option: str) -> tuple[str, ...]:
 
 
 def open_robot(robot: str, yes: bool, takes_free_base: bool = False) -> Library:
-    """Load the robot of a command and print on stderr whose it is.
-
-    Args:
-        robot: name of a robot, or its folder.
-        yes: run the code of a folder without asking.
-        takes_free_base: whether the command accepts a robot with a free base.
-
-    Returns:
-        Compiled library of the robot.
-
-    Raises:
-        LibraryError: there is no such library, it does not load, or its base is free.
-    """
+    """Load the robot of a command and print on stderr whose it is."""
     lib = _opened(robot, yes)
     if lib.manifest.floating and not takes_free_base:
         raise LibraryError(

@@ -23,8 +23,6 @@ from runtime.common.errors import RuntimeFault
 from runtime.common.settings import Choices, as_function, choices_of, record_of, stated_settings
 from runtime.common.terminal import VERBOSE, as_typed, flowing
 
-__all__ = ["INTERRUPTED"]
-
 INTERRUPTED = 130
 """Exit code that Typer makes of Ctrl-C, where no method returns its best result so far."""
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)

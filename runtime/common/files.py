@@ -22,8 +22,6 @@ from typing import IO, Any
 
 from runtime.common.errors import RuntimeFault
 
-__all__ = ["json_of", "replacing", "require_file", "sha256_of", "write_json", "write_text"]
-
 DRAFT = ".symgen."
 """Start of the names of files that are not complete yet; a killed process leaves them behind."""
 LARGEST_DOCUMENT = 2**26
@@ -186,15 +184,7 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text in UTF-8, completely or not at all.
-
-    Args:
-        path: of the file.
-        text: its content.
-
-    Raises:
-        RuntimeFault: if the file cannot be written.
-    """
+    """Write a text in UTF-8, completely or not at all."""
     with replacing(path) as file:
         file.write(text.encode())
 
@@ -205,17 +195,7 @@ def json_text(facts: Any, allow_nan: bool = False) -> str:
 
 
 def write_json(path: Path, facts: Any, allow_nan: bool = False) -> None:
-    """Write indented JSON, completely or not at all.
-
-    Args:
-        path: of the file.
-        facts: what `json` writes.
-        allow_nan: whether NaN and infinity may be written, which only Python reads.
-
-    Raises:
-        RuntimeFault: if the file cannot be written.
-        ValueError: if a number is not finite.
-    """
+    """Write indented JSON, completely or not at all; only Python reads NaN and infinity in it."""
     write_text(path, json_text(facts, allow_nan))
 
 

@@ -27,8 +27,6 @@ from msgspec import Meta
 
 from runtime.common.files import toml_of
 
-__all__ = ["record_from_table"]
-
 T = TypeVar("T")
 Name = Annotated[str, Meta(min_length=1)]
 Factors = Annotated[dict[str, float], Meta(min_length=1)]
@@ -58,18 +56,7 @@ class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
 def record_from_table(
     kind: type[T], table: Any, where: str, error: type[Exception], allows_infinite: bool = False
 ) -> T:
-    """Record of a table, or one sentence on the first fault.
-
-    Args:
-        kind: a `Record`, or another type that msgspec converts.
-        table: parsed TOML or JSON.
-        where: the document, as the sentence names it.
-        error: what is raised.
-        allows_infinite: whether numbers may be inf or nan.
-
-    Returns:
-        The record; numbers in it are finite.
-    """
+    """Record of a table, or one sentence on the first fault of the document `where`."""
     try:
         record = msgspec.convert(table, kind)
     except msgspec.ValidationError as fault:

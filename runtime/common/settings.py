@@ -34,8 +34,6 @@ from runtime.common.errors import RuntimeFault
 from runtime.common.files import tables_of, toml_of, toml_value, write_text
 from runtime.common.records import record_from_table
 
-__all__ = ["argument_field", "method_field", "output_field"]
-
 FILE = "settings.toml"
 """Name of the file beside a result."""
 CONSENT = "yes"

@@ -5,8 +5,6 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-__all__ = ["Table"]
-
 NOTHING = "–"
 
 

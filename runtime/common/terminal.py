@@ -16,8 +16,6 @@ from rich.table import Table as RichTable
 
 from runtime.common.tables import Table
 
-__all__ = ["command_line", "say", "show"]
-
 console = Console()
 VERBOSE: ContextVar[bool] = ContextVar("VERBOSE", default=False)
 """Whether a command prints its details: --verbose, before or behind the command."""

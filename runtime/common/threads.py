@@ -11,8 +11,6 @@ from typing import ParamSpec, TypeVar
 
 from threadpoolctl import threadpool_limits
 
-__all__ = ["cores", "one_blas_thread"]
-
 _INSIDE: ContextVar[bool] = ContextVar("one_blas_thread", default=False)
 """Whether a call of this context has limited the threads already."""
 P = ParamSpec("P")

@@ -13,8 +13,6 @@ import numpy as np
 
 from runtime.library import Array
 
-__all__ = ["Status", "adam"]
-
 
 class Status(Enum):
     """Why the loop ended, as advice."""
@@ -89,16 +87,8 @@ def adam(
 ) -> Outcome:
     """Descend by Adam with early stopping; the point of the lowest validation loss is returned.
 
-    Args:
-        value_gradient: loss and gradient (size,) at x; it may draw a mini-batch at each call.
-        options: step size and decay of the moments.
-        start: first point, (size,).
-        validation: loss that decides which point is best.
-        rule: when to validate and when to stop.
-        progress: called with iteration and best validation loss at every validation.
-
-    Returns:
-        The best validated point; DIVERGED at once where the start has no finite loss.
+    `value_gradient` may draw a mini-batch at each call. The outcome is DIVERGED at once where the
+    start has no finite loss.
     """
     x = np.array(start, dtype=float)
     m, v = np.zeros(x.size), np.zeros(x.size)

@@ -23,8 +23,6 @@ from runtime.library import Array, Library, Mask
 from runtime.library.parameters import lam_from_parts, lam_parts, links, mass
 from runtime.recording import Friction, Recording
 
-__all__ = ["Fit", "Problem"]
-
 USUAL = 2.0
 """Median mass of a link of usual arms, kg."""
 WITHIN = 16.0

@@ -9,8 +9,6 @@ import numpy as np
 
 from runtime.library import Array
 
-__all__ = ["CONSISTENCY_TOLERANCE", "airm", "frobenius", "torque_error"]
-
 CONSISTENCY_TOLERANCE = 1e-12
 """A link is consistent when P_k ⪰ −1e-12 tr(P_k), the rounding of an eigenvalue."""
 
@@ -26,15 +24,7 @@ class TorqueError:
 
 
 def torque_error(measured: Array, predicted: Array) -> TorqueError:
-    """Torque error of a prediction.
-
-    Args:
-        measured: torque, (N, n) [N·m, N].
-        predicted: torque of a model, (N, n) [N·m, N].
-
-    Returns:
-        Errors per joint and overall.
-    """
+    """Torque errors per joint and overall of a prediction, of torques (N, n) [N·m, N]."""
     difference = measured - predicted
     size, scale = np.linalg.norm(difference, axis=0), np.linalg.norm(measured, axis=0)
     return torque_error_of(size, scale, len(measured))
@@ -49,15 +39,7 @@ def torque_error_of(size: Array, scale: Array, count: int) -> TorqueError:
 
 
 def airm(a: Array, b: Array) -> Array:
-    """Affine-invariant distance d(A, B) = √Σ ln² λ_i(A⁻¹B) (Eq. 2.39).
-
-    Args:
-        a: matrices A ≻ 0, (..., n, n).
-        b: matrices B ≻ 0, (..., n, n).
-
-    Returns:
-        d (...).
-    """
+    """Affine-invariant distance d(A, B) = √Σ ln² λ_i(A⁻¹B), (...), of A, B ≻ 0 (Eq. 2.39)."""
     lower = np.linalg.cholesky(a)
     half = np.linalg.solve(lower, b)
     whole = np.linalg.solve(lower, np.swapaxes(half, -1, -2))
@@ -66,13 +48,5 @@ def airm(a: Array, b: Array) -> Array:
 
 
 def frobenius(a: Array, b: Array) -> Array:
-    """Frobenius distance ‖A − B‖_F (Eq. 2.37); over n it is the RMS per entry (errata to 5.4).
-
-    Args:
-        a: matrices A, (..., n, n).
-        b: matrices B, (..., n, n).
-
-    Returns:
-        ‖A − B‖_F (...), in the unit of the entries.
-    """
+    """‖A − B‖_F, (...) (Eq. 2.37); over n it is the RMS per entry (errata to 5.4)."""
     return np.linalg.norm(a - b, axis=(-2, -1))

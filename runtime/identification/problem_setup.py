@@ -38,8 +38,6 @@ from runtime.recording.preprocessing.parts import prepared_parts, rows_between
 from runtime.recording.preprocessing.pipeline import prepare_power
 from runtime.recording.settings import COLUMNS, EVERYTHING
 
-__all__ = ["Assembly", "assemble"]
-
 PARTS = ("train", "validation", "test")
 Parts = tuple[Recording, Recording, Recording]
 WITHOUT_PRIOR = "pc-ols"
@@ -98,22 +96,7 @@ def assemble(
     is_joined: bool = False,
     **keywords: Any,
 ) -> Assembly:
-    """Prepare, split and weight a recording.
-
-    Args:
-        recording: log of the robot.
-        lib: library of the robot.
-        settings: settings, or the name of a method.
-        progress: shown the iterations of the method.
-        is_joined: whether the samples of validation are fitted too.
-        keywords: fields of the settings.
-
-    Returns:
-        Problem with its parts: training, validation and test.
-
-    Raises:
-        IdentificationError: parts are too short, or settings contradict the log.
-    """
+    """Prepare, split and weight a recording; samples of validation may be fitted, too."""
     chosen = bare_settings(settings, keywords)
     recording = independent_joints(recording, lib)
     require_plausible(recording, lib)

@@ -52,22 +52,14 @@ class JointKernels(Kernels):
         return self.binding.call("all_joints", q, zero, zero)[0]
 
     def all_velocities(self, dq: ArrayLike, q: ArrayLike | None = None) -> Array:
-        """Velocities of all joints: A dq, or G(q) dq with loops.
-
-        Returns:
-            (N, L) or (L,) [rad/s, m/s].
-        """
+        """Velocities of all joints: A dq, or G(q) dq with loops, (N, L) or (L,) [rad/s, m/s]."""
         coupling, dq = self.manifest.coupling, self._of_joints(dq)
         if not self.manifest.loops:
             return dq.copy() if coupling is None else dq @ coupling.matrix.T
         return self.all_motion(self._given(q), dq, 0 * dq)[1]
 
     def all_motion(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> tuple[Array, Array, Array]:
-        """Positions, velocities and accelerations of all joints.
-
-        Returns:
-            q_all, dq_all and ddq_all, (N, L) or (L,) each.
-        """
+        """Positions, velocities and accelerations of all joints, (N, L) or (L,) each."""
         if not self.manifest.loops:
             return self.all_positions(q), self.all_velocities(dq), self.all_velocities(ddq)
         self.require_closed(q)
@@ -76,11 +68,7 @@ class JointKernels(Kernels):
     def motion_or_nan(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike
     ) -> tuple[Array, Array, Array]:
-        """Motion of all joints as `all_motion`, with NaN where a loop cannot close.
-
-        Returns:
-            q_all, dq_all and ddq_all, (N, L) or (L,) each.
-        """
+        """Motion of all joints as `all_motion`, (N, L) or (L,), NaN where a loop cannot close."""
         if not self.manifest.loops:
             return self.all_motion(q, dq, ddq)
         motion = (self._of_joints(values) for values in (q, dq, ddq))
@@ -90,8 +78,7 @@ class JointKernels(Kernels):
     def next_positions(self, q: ArrayLike, last: ArrayLike) -> Array:
         """Positions of all joints from those of a sample shortly before, for a control loop.
 
-        Returns:
-            Shape of last; NaN where a loop cannot close or is singular. Without loops A q + b.
+        Shape of last; NaN where a loop cannot close or is singular; A q + b without loops.
         """
         if not self.manifest.loops:
             return self.all_positions(q)
@@ -109,8 +96,7 @@ class JointKernels(Kernels):
     def loop_margins(self, q: ArrayLike) -> Array:
         """Distance of each loop from a singular posture: 1 in the assembly pose, 0 where singular.
 
-        Returns:
-            (N, blocks) or (blocks,), NaN where a loop cannot close; no columns without loops.
+        (N, blocks) or (blocks,), NaN where a loop cannot close; no columns without loops.
         """
         q = self._of_joints(q)
         if not self.manifest.loops:
@@ -208,11 +194,7 @@ class BodyKernels(Kernels):
         return self.binding.call("cholesky_from_pi", flat)[0].reshape(np.shape(pi))
 
     def pi_adjoint(self, lam: ArrayLike, slope: ArrayLike) -> Array:
-        """(∂π/∂λ)ᵀ slope, link by link: ∂cost/∂λ (10 L,) from ∂cost/∂π. Source: Eq. 4.32.
-
-        Returns:
-            ∂cost/∂λ, shape of λ.
-        """
+        """(∂π/∂λ)ᵀ slope, link by link: ∂cost/∂λ (10 L,) from ∂cost/∂π. Source: Eq. 4.32."""
         links, slopes = self._links("lam", lam), self._links("slope", slope)
         frame = self.binding.call("pi_frame", links)[1]
         return self.binding.call("pi_adjoint", links, frame, slopes)[0].reshape(np.shape(lam))
@@ -239,10 +221,7 @@ class BodyKernels(Kernels):
 
     def nearest_realisable(self, pi: ArrayLike, floor: float = 1e-4) -> Array:
         """Nearest physically consistent π: each Σ_com becomes the nearest matrix with eigenvalues ≥
-        floor · tr, while m and c stay.
-
-        Returns:
-            π of the same shape.
+        floor · tr, while m and c stay. Shape of pi.
         """
         flat = self._links("pi", pi)
         return self.binding.call("nearest_realisable", flat, floor)[0].reshape(np.shape(pi))
@@ -297,22 +276,14 @@ class SafetyKernels(Kernels):
     def torque_derivatives(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, pi: ArrayLike
     ) -> tuple[Array, Array, Array, Array]:
-        """Torques τ and their derivatives ∂τ/∂q, ∂τ/∂dq and ∂τ/∂ddq = M(q). Source: Eq. 4.3.
-
-        Returns:
-            τ, shape of q [N·m, N], and the derivatives, (N, n, n) each.
-        """
+        """τ, shape of q, and ∂τ/∂q, ∂τ/∂dq, ∂τ/∂ddq = M(q), (N, n, n) each. Source: Eq. 4.3."""
         tau, dtau_dq, dtau_dv, dtau_da = self.binding.call("torque_derivatives", q, dq, ddq, pi)
         return tau, dtau_dq, dtau_dv, dtau_da
 
     def torque_rate(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, dddq: ArrayLike, pi: ArrayLike
     ) -> Array:
-        """Torque rate dτ/dt = ∂τ/∂q dq + ∂τ/∂dq ddq + ∂τ/∂ddq dddq.
-
-        Returns:
-            Shape of q [N·m/s, N/s].
-        """
+        """Torque rate dτ/dt = ∂τ/∂q dq + ∂τ/∂dq ddq + ∂τ/∂ddq dddq, shape of q [N·m/s, N/s]."""
         return self.binding.call("torque_rate", q, dq, ddq, dddq, pi)[0]
 
     def torque_with_rates(
@@ -324,11 +295,7 @@ class SafetyKernels(Kernels):
         ddddq: ArrayLike,
         pi: ArrayLike,
     ) -> tuple[Array, Array, Array]:
-        """Torque τ, dτ/dt and d²τ/dt² along a motion.
-
-        Returns:
-            τ, dτ/dt and d²τ/dt², shape of q each.
-        """
+        """Torque τ, dτ/dt and d²τ/dt² along a motion, shape of q each."""
         tau, dtau, ddtau = self.binding.call("torque_course", q, dq, ddq, dddq, ddddq, pi)
         return tau, dtau, ddtau
 
@@ -341,22 +308,15 @@ class SafetyKernels(Kernels):
         pi: ArrayLike,
         seed: ArrayLike,
     ) -> Array:
-        """Derivative ∂(seed · dτ/dt)/∂(q, dq, ddq, dddq): three times the work of `torque_rate`.
-
-        Returns:
-            (N, 4, n).
-        """
+        """∂(seed · dτ/dt)/∂(q, dq, ddq, dddq), (N, 4, n): three times the work of `torque_rate`."""
         return self.binding.call("torque_rate_adjoint", q, dq, ddq, dddq, pi, seed)[0]
 
     def torque_rate_jacobian(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, dddq: ArrayLike, pi: ArrayLike
     ) -> tuple[Array, Array]:
-        """Torque rate dτ/dt and its derivative by (q, dq, ddq, dddq) side by side.
+        """dτ/dt, shape of q, and its derivative by (q, dq, ddq, dddq) side by side, (N, n, 4 n).
 
         It takes n adjoints per sample; `torque_rate_adjoint` gives the rows of single joints.
-
-        Returns:
-            dτ/dt, shape of q [N·m/s, N/s], and its derivative, (N, n, 4 n).
         """
         rate = self.torque_rate(q, dq, ddq, dddq, pi)
         rows = []
@@ -367,11 +327,7 @@ class SafetyKernels(Kernels):
         return rate, jacobian.reshape(*rate.shape, 4 * self.n_joints)
 
     def tip_motion(self, q: ArrayLike, dq: ArrayLike) -> tuple[Array, Array, Array, Array]:
-        """Position p and velocity v of the tip in the base frame, with ∂p/∂q = ∂v/∂dq and ∂v/∂q.
-
-        Returns:
-            p and v, (N, 3) [m, m/s], and the two derivatives, (N, 3, n).
-        """
+        """p and v of the tip in the base frame, (N, 3), ∂p/∂q = ∂v/∂dq and ∂v/∂q, (N, 3, n)."""
         p, v, dp_dq, dv_dq = self.binding.call("tip_motion", q, dq)
         return p, v, dp_dq, dv_dq
 
@@ -389,9 +345,6 @@ class SafetyKernels(Kernels):
 
     def plane_clearance(self, q: ArrayLike, plane: ArrayLike) -> tuple[Array, Array]:
         """Least n·x − d over each of `moving_proxies`, (N, n_moving) [m], and its gradient.
-
-        Returns:
-            (N, n_moving) [m], and its gradient, (N, n_moving, n).
 
         Raises:
             LibraryError: the robot has no moving proxies.
@@ -430,29 +383,19 @@ class ProofKernels(Kernels):
         return "torque_bounds" in self.manifest.kernels
 
     def torque_bounds(self, motion: ArrayLike, pi: ArrayLike) -> Array:
-        """Bounds of |τ|, |dτ/dt|, |d²τ/dt²| and |d³τ/dt³| from six orders of the motion.
-
-        Returns:
-            (K, 4, n) [N·m, N, and per s …].
-        """
+        """Bounds (K, 4, n) of |τ| and three derivatives in time, from six orders of the motion."""
         return self.binding.call("torque_bounds", motion, pi)[0]
 
     def tip_bounds(self, motion: ArrayLike) -> Array:
-        """Bounds of the tip's distance from the base and of three derivatives, from four orders.
-
-        Returns:
-            (K, 4) [m, m/s, m/s², m/s³].
-        """
+        """Bounds (K, 4) of the tip's distance from the base and of three derivatives, from four."""
         return self.binding.call("tip_bounds", motion)[0]
 
     def speed_bounds(self, motion: ArrayLike) -> tuple[Array, Array]:
         """Bounds of the speed that joint j gives to link i: its origin, and turning about it.
 
-        A point of the link at a distance r from its origin gets origin + r · turn at most. The
-        motion has two orders, |q| and |dq|.
-
-        Returns:
-            (K, L, L) [m/s], 0 where joint j does not move link i, and (K, L) [rad/s].
+        (K, L, L) [m/s], 0 where joint j does not move link i, and (K, L) [rad/s]. A point of the
+        link at a distance r from its origin gets origin + r · turn at most. The motion has two
+        orders, |q| and |dq|.
         """
         origin, turn = self.binding.call("speed_bounds", motion)
         return origin, turn

@@ -41,77 +41,45 @@ class MotionKernels(Kernels):
     def inverse_dynamics(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, pi: ArrayLike, *, base: Base = None
     ) -> Array:
-        """Joint torques τ = Y(q, dq, ddq) π. Source: Eq. 4.3.
-
-        Returns:
-            Shape of q [N·m, N].
-        """
+        """Joint torques τ = Y(q, dq, ddq) π, shape of q [N·m, N]. Source: Eq. 4.3."""
         return self._call("inverse_dynamics", base, (q, dq, ddq), pi)[0]
 
     def base_inverse_dynamics(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, beta: ArrayLike, *, base: Base = None
     ) -> Array:
-        """Joint torques τ = Y_b(q, dq, ddq) β. Source: Eq. 3.11.
-
-        Returns:
-            Shape of q [N·m, N].
-        """
+        """Joint torques τ = Y_b(q, dq, ddq) β, shape of q [N·m, N]. Source: Eq. 3.11."""
         return self._call("base_inverse_dynamics", base, (q, dq, ddq), beta)[0]
 
     def torque(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, lam: ArrayLike, *, base: Base = None
     ) -> Array:
-        """Joint torques τ = Y(q, dq, ddq) π(λ). Source: Eqs. 4.3, 4.14.
-
-        Returns:
-            Shape of q [N·m, N].
-        """
+        """Joint torques τ = Y(q, dq, ddq) π(λ), shape of q [N·m, N]. Source: Eqs. 4.3, 4.14."""
         return self._call("torque", base, (q, dq, ddq), lam)[0]
 
     def torque_jacobian(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, lam: ArrayLike, *, base: Base = None
     ) -> Array:
-        """Derivative ∂τ/∂λ. Source: Eqs. 4.34–4.36.
-
-        Returns:
-            (N, n, 10 L).
-        """
+        """Derivative ∂τ/∂λ, (N, n, 10 L). Source: Eqs. 4.34–4.36."""
         return self._call("torque_jacobian", base, (q, dq, ddq), lam)[0]
 
     def regressor(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, *, base: Base = None) -> Array:
-        """Regressor Y with τ = Y π. Source: Eq. 3.1.
-
-        Returns:
-            (N, n, 10 L).
-        """
+        """Regressor Y with τ = Y π, (N, n, 10 L). Source: Eq. 3.1."""
         return self._call("regressor", base, (q, dq, ddq))[0]
 
     def base_regressor(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, *, base: Base = None
     ) -> Array:
-        """Base regressor Y_b with τ = Y_b β. Source: Eq. 3.11.
-
-        Returns:
-            (N, n, n_b).
-        """
+        """Base regressor Y_b with τ = Y_b β, (N, n, n_b). Source: Eq. 3.11."""
         return self._call("base_regressor", base, (q, dq, ddq))[0]
 
     def mass_matrix(self, q: ArrayLike, pi: ArrayLike, *, base: Base = None) -> Array:
-        """Mass matrix M(q). Source: Eq. 2.34.
-
-        Returns:
-            (N, n, n).
-        """
+        """Mass matrix M(q), (N, n, n). Source: Eq. 2.34."""
         return self._call("mass_matrix", base, (q,), pi)[0]
 
     def bias_forces(
         self, q: ArrayLike, dq: ArrayLike, pi: ArrayLike, *, base: Base = None
     ) -> Array:
-        """Bias forces h = τ(q, dq, 0). Source: Eq. 2.34.
-
-        Returns:
-            Shape of q [N·m, N].
-        """
+        """Bias forces h = τ(q, dq, 0), shape of q [N·m, N]. Source: Eq. 2.34."""
         return self._call("bias_forces", base, (q, dq), pi)[0]
 
     def forward_dynamics(
@@ -124,11 +92,7 @@ class MotionKernels(Kernels):
         *,
         base: Base = None,
     ) -> Array:
-        """Accelerations ddq = (M + diag(J))⁻¹ (τ − h).
-
-        Returns:
-            Shape of q [rad/s², m/s²].
-        """
+        """Accelerations ddq = (M + diag(J))⁻¹ (τ − h), shape of q [rad/s², m/s²]."""
         inertia = np.asarray(rotor, dtype=float)
         if inertia.ndim == 0:
             inertia = np.full(self.n_joints, inertia)
@@ -137,19 +101,11 @@ class MotionKernels(Kernels):
         return self._call("forward_dynamics", base, (q, dq), tau, pi, inertia)[0]
 
     def end_effector(self, q: ArrayLike, *, base: Base = None) -> Array:
-        """Pose of the tip in the base frame; in that of the world with a free base.
-
-        Returns:
-            (N, 4, 4).
-        """
+        """Pose (N, 4, 4) of the tip in the base frame; in that of the world with a free base."""
         return self._call("end_effector", base, (q,))[0]
 
     def link_poses(self, q: ArrayLike, *, base: Base = None) -> Array:
-        """Poses of the links' frames in the base frame; in that of the world with a free base.
-
-        Returns:
-            (N, L, 4, 4).
-        """
+        """Poses (N, L, 4, 4) of the links' frames in the base frame; in the world if it is free."""
         poses = self._call("link_poses", base, (q,))[0]
         return poses.reshape(*poses.shape[:-2], self.n_links, 4, 4)
 
@@ -164,11 +120,7 @@ class MotionKernels(Kernels):
         *,
         base: Base = None,
     ) -> tuple[float, Array, Array]:
-        """Loss Σ ½ rᵀ W r with r = Y π − τ, its gradient in π, and r. Source: Eqs. 4.5, 4.6, 4.32.
-
-        Returns:
-            Loss; Σ Yᵀ W r, (10 L,); r, shape of q [N·m, N].
-        """
+        """Loss Σ ½ rᵀ W r, Σ Yᵀ W r (10 L,), r = Y π − τ (N, n). Source: Eqs. 4.5, 4.6, 4.32."""
         beta = np.asarray(pi, dtype=float) @ self.base_matrix.T
         answer = self._call("loss_gradient", base, (q, dq, ddq), tau, weight, beta)
         loss, gradient, residual = answer
@@ -183,41 +135,26 @@ class MotionKernels(Kernels):
     # --- model-based controllers ----------------------------------------------------------
 
     def coriolis_matrix(self, q: ArrayLike, dq: ArrayLike, pi: ArrayLike) -> Array:
-        """Matrix C(q, dq) of Christoffel symbols: h = C dq − τ_grav, and dM/dt − 2 C is skew.
-
-        Returns:
-            (N, n, n).
-        """
+        """C of Christoffel symbols, (N, n, n): h = C dq − τ_grav, and dM/dt − 2 C is skew."""
         return self.binding.call("coriolis_matrix", q, dq, pi)[0]
 
     def slotine_li_regressor(
         self, q: ArrayLike, dq: ArrayLike, dq_r: ArrayLike, ddq_r: ArrayLike
     ) -> Array:
-        """Regressor Y with Y π = M(q) ddq_r + C(q, dq) dq_r + g(q). Source: Slotine & Li 1987.
-
-        Returns:
-            (N, n, 10 L).
-        """
+        """Y, (N, n, 10 L): Y π = M(q) ddq_r + C(q, dq) dq_r + g(q). Source: Slotine & Li 1987."""
         return self.binding.call("slotine_li_regressor", q, dq, dq_r, ddq_r)[0]
 
     def inverse_dynamics_derivatives(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, pi: ArrayLike
     ) -> tuple[Array, Array, Array]:
-        """Derivatives ∂τ/∂q, ∂τ/∂dq and ∂τ/∂ddq = M(q), without the torque itself.
-
-        Returns:
-            (N, n, n) each.
-        """
+        """Derivatives ∂τ/∂q, ∂τ/∂dq and ∂τ/∂ddq = M(q), (N, n, n) each, without the torque."""
         _, by_q, by_dq, mass = self.binding.call("torque_derivatives", q, dq, ddq, pi)
         return by_q, by_dq, mass
 
     def frame_jacobian(self, q: ArrayLike, link: str | None = None, *, base: Base = None) -> Array:
-        """Jacobian J of a frame: linear, then angular velocity J dq, in axes of the base.
+        """J (N, 6, n) [m, 1] of a frame: linear, then angular velocity J dq, in axes of the base.
 
         With a free base dq begins with its twist, and the axes are those of the world.
-
-        Returns:
-            (N, 6, n) [m, 1].
 
         Raises:
             LibraryError: the robot has no moving link of that name.
@@ -262,23 +199,15 @@ class MotionKernels(Kernels):
     # --- robots with a fixed base ---------------------------------------------------------
 
     def momentum_regressor(self, q: ArrayLike, dq: ArrayLike) -> tuple[Array, Array]:
-        """Regressors of the momentum p = M dq = P_b β and of ∂(T − U)/∂q = R_b β, τ = dp/dt − R_b
-        β.
+        """P_b and R_b, (N, n, n_b) each: momentum M dq = P_b β, ∂(T − U)/∂q = R_b β.
 
-        Source: Slotine & Li 1987.
-
-        Returns:
-            P_b and R_b, (N, n, n_b) each.
+        τ = dp/dt − R_b β. Source: Slotine & Li 1987.
         """
         momentum, force = self.binding.call("momentum_regressor", q, dq)
         return momentum, force
 
     def energy_regressor(self, q: ArrayLike, dq: ArrayLike) -> Array:
-        """Regressor E_b of the energy T + U = E_b β + const. Source: Gautier & Khalil 1988.
-
-        Returns:
-            (N, n_b).
-        """
+        """E_b of the energy T + U = E_b β + const, (N, n_b). Source: Gautier & Khalil 1988."""
         return self.binding.call("energy_regressor", q, dq)[0]
 
     def spring_columns(self, q: ArrayLike) -> Array:
@@ -296,30 +225,18 @@ class MotionKernels(Kernels):
     def regressor_adjoint(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, seed: ArrayLike
     ) -> Array:
-        """Derivative ∂⟨seed, Y_b⟩/∂(q, dq, ddq).
-
-        Returns:
-            (N, 3, n).
-        """
+        """Derivative ∂⟨seed, Y_b⟩/∂(q, dq, ddq), (N, 3, n)."""
         return self.binding.call("regressor_adjoint", q, dq, ddq, seed)[0]
 
     # --- trajectories: one row per point ----------------------------------------------------
 
     def harmonic_basis(self, m: ArrayLike, t: ArrayLike, t_f: float) -> Array:
-        """Fourier + quintic basis φ_m(t) and three derivatives. Source: Eqs. 3.24–3.27.
-
-        Returns:
-            (N, 4).
-        """
+        """Fourier + quintic basis φ_m(t) and three derivatives, (N, 4). Source: Eqs. 3.24–3.27."""
         orders, times = np.broadcast_arrays(np.atleast_1d(m), np.atleast_1d(t))
         return self.binding.call("harmonic_basis", _column(orders), _column(times), t_f)[0]
 
     def transfer_basis(self, t: ArrayLike, t_f: float) -> Array:
-        """Rest-to-rest quintic S(t) from 0 to 1, and three derivatives.
-
-        Returns:
-            (N, 4).
-        """
+        """Rest-to-rest quintic S(t) from 0 to 1, and three derivatives, (N, 4)."""
         return self.binding.call("transfer_basis", _column(t), t_f)[0]
 
 

@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike
 from runtime.errors import ShapeError
 from runtime.library.arrays import Array
 
-__all__ = ["LAM_NAMES", "MASS", "PI_NAMES", "centre_of_mass", "links", "mass"]
-
 PI_NAMES = ("m", "mX", "mY", "mZ", "XX", "YY", "ZZ", "XY", "XZ", "YZ")
 LAM_NAMES = ("mu", "x", "y", "z", "omega_1", "omega_2", "omega_3", "a", "b", "c")
 PINOCCHIO_NAMES = ("m", "mX", "mY", "mZ", "XX", "XY", "YY", "XZ", "YZ", "ZZ")

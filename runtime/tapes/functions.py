@@ -53,46 +53,26 @@ class TapeFunctions(ABC):
     def inverse_dynamics(
         self, q: Any, dq: Any, ddq: Any, pi: Any = None, *, lam: Any = None
     ) -> Tensor:
-        """Joint torques τ = Y(q, dq, ddq) π. Source: Eq. 4.3.
-
-        Returns:
-            (..., n) [N·m, N].
-        """
+        """Joint torques τ = Y(q, dq, ddq) π, (..., n) [N·m, N]. Source: Eq. 4.3."""
         return self._call("inverse_dynamics", *self._motion(q=q, dq=dq, ddq=ddq, pi=pi, lam=lam))
 
     def mass_matrix(self, q: Any, pi: Any = None, *, lam: Any = None) -> Tensor:
-        """Mass matrix M(q). Source: Eq. 2.34.
-
-        Returns:
-            (..., n, n).
-        """
+        """Mass matrix M(q), (..., n, n). Source: Eq. 2.34."""
         return self._call("mass_matrix", *self._motion(q=q, pi=pi, lam=lam))
 
     def bias(self, q: Any, dq: Any, pi: Any = None, *, lam: Any = None) -> Tensor:
-        """Bias forces h = τ(q, dq, 0): Coriolis, centrifugal and gravity. Source: Eq. 2.34.
-
-        Returns:
-            (..., n) [N·m, N].
-        """
+        """Bias forces h = τ(q, dq, 0), (..., n) [N·m, N]. Source: Eq. 2.34."""
         return self._call("bias_forces", *self._motion(q=q, dq=dq, pi=pi, lam=lam))
 
     def gravity(self, q: Any, pi: Any = None, *, lam: Any = None) -> Tensor:
-        """Torques that hold the robot at rest, g = τ(q, 0, 0).
-
-        Returns:
-            (..., n) [N·m, N].
-        """
+        """Torques that hold the robot at rest, g = τ(q, 0, 0), (..., n) [N·m, N]."""
         q, pi = self._motion(q=q, pi=pi, lam=lam)
         return self._call("bias_forces", q, self._constant("zeros", q), pi)
 
     def forward_dynamics(
         self, q: Any, dq: Any, tau: Any, pi: Any = None, rotor: Any = None, *, lam: Any = None
     ) -> Tensor:
-        """Accelerations ddq = (M + diag(J))⁻¹ (τ − h).
-
-        Returns:
-            (..., n) [rad/s², m/s²].
-        """
+        """Accelerations ddq = (M + diag(J))⁻¹ (τ − h), (..., n) [rad/s², m/s²]."""
         q, dq, tau, pi = self._motion(q=q, dq=dq, tau=tau, pi=pi, lam=lam)
         inertia = self._constant("zeros", q) if rotor is None else self._entry("rotor", rotor, q)
         return self._call("forward_dynamics", q, dq, tau, pi, inertia)
@@ -108,7 +88,7 @@ class TapeFunctions(ABC):
         *,
         lam: Any = None,
     ) -> Tensor:
-        """Loss L = Σ ½ rᵀ W r over all samples of one π or λ, r = Y π − τ. Source: Eqs. 4.5, 4.6.
+        """Loss Σ ½ rᵀ W r over all samples of one π or λ, r = Y π − τ. Source: Eqs. 4.5, 4.6.
 
         Returns:
             () loss.
@@ -131,11 +111,7 @@ class TapeFunctions(ABC):
         return self._call("loss_gradient", *rows, diagonal, beta)[0]
 
     def pi_from_lam(self, lam: Any) -> Tensor:
-        """Inertial parameters π of coordinates λ. Source: Eqs. 4.25 to 4.31.
-
-        Returns:
-            (..., 10 L).
-        """
+        """Inertial parameters π of coordinates λ, (..., 10 L). Source: Eqs. 4.25 to 4.31."""
         value = self._entry("lam", lam)
         links = self._call("pi_from_lam", value.reshape(*value.shape[:-1], self.lib.n_links, -1))
         return links.reshape(value.shape)

@@ -165,8 +165,6 @@ def _adam_outcome(jobs: CompiledAdam, k: int, rule: StoppingRule, interrupted: b
     return Outcome(jobs.best_x(k), float(job.best), int(job.step), status, trace)
 
 
-__all__ = ["PRESETS", "Preset", "Watch", "fit_many", "fit_of", "start_of"]
-
 PRESETS = {
     "simulation": Preset(AdamOptions(1e-3), StoppingRule(1500, 25), 64),
     "real": Preset(AdamOptions(1e-4), StoppingRule(2500, 25), 64),
@@ -227,17 +225,7 @@ def fit_many(
     threads: int | None = None,
     watch: Watch | None = None,
 ) -> list[Fit]:
-    """`fit_adam` on many problems of one robot at once: multi-start, Monte Carlo.
-
-    Args:
-        problems: problems of the same robot.
-        preset: settings of all descents.
-        threads: of the compiled loop; by default one per core.
-        watch: observer of all descents.
-
-    Returns:
-        One fit per problem.
-    """
+    """`fit_adam` on many problems of one robot at once: multi-start, Monte Carlo."""
     count = threads or cores()
     if not problems:
         return []
@@ -250,15 +238,7 @@ def fit_many(
 
 
 def start_of(problem: Problem, cholesky: bool = False) -> Descent:
-    """Descent from the first guess with its best friction.
-
-    Args:
-        problem: samples, weights and first guess.
-        cholesky: whether bodies have log-Cholesky coordinates in place of λ.
-
-    Returns:
-        Descent from x = [λ, ψ], (10 n + n k,), in the unit of mass of the robot.
-    """
+    """Descent from the first guess with its best friction, x = [λ, ψ], (10 n + n k,)."""
     unit = mass_unit(problem.lib, problem.lib.pi_from_lam(problem.start))
     problem = in_unit(problem, unit)
     objective = TorqueObjective(problem.lib, problem.train, problem.weights)
@@ -271,15 +251,7 @@ def start_of(problem: Problem, cholesky: bool = False) -> Descent:
 
 
 def fit_of(descent: Descent, outcome: Outcome) -> Fit:
-    """Fit of the outcome of a descent, with π kept off the boundary of consistency.
-
-    Args:
-        descent: descent with its problem and unit.
-        outcome: its best point x = [λ, ψ], (10 n + n k,).
-
-    Returns:
-        Fit in SI units, π (10 n,) [kg, kg·m, kg·m²], φ (n, k) and λ (10 n,).
-    """
+    """Fit of the outcome of a descent, with π kept off the boundary of consistency."""
     lib, unit = descent.problem.lib, descent.unit
     lam, phi = descent.objective.split(outcome.x)
     left_out = descent.problem.left_out

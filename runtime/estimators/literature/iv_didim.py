@@ -53,8 +53,6 @@ from runtime.simulation import Controller, Plant, sample_times
 from runtime.simulation.closed_loop import follow
 from runtime.simulation.plant import per_joint
 
-__all__ = ["ClosedLoop"]
-
 CONVERGED = 1e-3
 """Relative step of the normalised unknowns at which both methods stop."""
 IV_ITERATIONS = 6
@@ -108,17 +106,7 @@ class ClosedLoop:
     def simulate(self, lib: Library, pi: Array, friction: dict[str, Array], t: Array) -> Recording:
         """Simulated recording of a robot with these parameters, without noise.
 
-        Args:
-            lib: library of the robot.
-            pi: inertial parameters, (10 n,) [kg, kg·m, kg·m²].
-            friction: coefficients of columns by name, (n,) each.
-            t: times of the recording, (N,) [s].
-
-        Returns:
-            Recording with q, dq, ddq and torque (N, n) [rad, m, N·m, N].
-
-        Raises:
-            IdentificationError: the times lie outside the reference.
+        friction: coefficients of columns by name, (n,) each. t: (N,) [s], inside the reference.
         """
         clock = sample_times(self.reference.duration, self.rate_hz)
         since = np.asarray(t) - self.start

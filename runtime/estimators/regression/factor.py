@@ -170,8 +170,6 @@ def _identity(s: Statistics) -> str:
     return f"model {s.model_hash[:12]} with {len(s.target) - s.n_base} friction coefficients"
 
 
-__all__ = ["TorqueObjective"]
-
 TOGETHER = 16
 """Number of factors that are collected before they are joined."""
 BLOCK = 16384
@@ -199,27 +197,11 @@ class TorqueObjective:
         return x[: self.n_lam], x[self.n_lam :].reshape(self.shape) * self.unit
 
     def join(self, lam: Array, phi: Array) -> Array:
-        """Unknowns x of λ and φ.
-
-        Args:
-            lam: λ of all links, (10 n,).
-            phi: friction coefficients, (n, k).
-
-        Returns:
-            x = [λ, ψ], (10 n + n k,).
-        """
+        """x = [λ, ψ], (10 n + n k,), of λ (10 n,) and φ (n, k)."""
         return np.concatenate([lam, (phi / self.unit).ravel()])
 
     def value_gradient(self, x: Array, rows: Integers | None = None) -> tuple[float, Array]:
-        """Loss and gradient.
-
-        Args:
-            x: [λ, ψ], (10 n + n k,).
-            rows: samples of the mini-batch; None takes all.
-
-        Returns:
-            L [(N·m)²] and ∇L (10 n + n k,).
-        """
+        """L [(N·m)²] and ∇L (10 n + n k,) at x = [λ, ψ], of all samples or a mini-batch."""
         lam, phi = self.split(x)
         s, lib = self.samples, self.lib
         take = slice(None) if rows is None else rows

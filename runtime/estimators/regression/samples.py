@@ -18,8 +18,6 @@ from runtime.recording.friction.coupled_motors import Coupling, coupling_of, sha
 from runtime.recording.friction.model import torque as friction_torque
 from runtime.recording.recording import complete_arrays
 
-__all__ = ["Samples", "samples_of", "thesis_weights"]
-
 NORMAL_95 = 1.959963984540054
 """Half width of the two-sided 95 % interval of a normal variable in standard deviations."""
 LAGS = 24
@@ -32,15 +30,7 @@ THESIS_SIGMA = 0.5
 
 
 def thesis_weights(tau: Array, unit: float = 1.0) -> Array:
-    """Weights w_k ∝ 1/(τ_rms,k² + σ²) with mean 1 (Eq. 4.8).
-
-    Args:
-        tau: measured torque, (N, n) [N·m, N].
-        unit: unit of mass of the torque, kg.
-
-    Returns:
-        w (n,).
-    """
+    """Weights w_k ∝ 1/(τ_rms,k² + σ²) with mean 1, (n,), of torques (N, n) (Eq. 4.8)."""
     raw = 1.0 / (np.mean(tau**2, axis=0) + (unit * THESIS_SIGMA) ** 2)
     return raw / raw.mean()
 
@@ -109,29 +99,13 @@ class Samples:
         return parts[0].mapped(lambda key, _: np.concatenate([getattr(x, key) for x in parts]))
 
     def rigid(self, lib: Library, pi: Array) -> Array:
-        """Rigid-body torque Y π.
-
-        Args:
-            lib: library of the robot.
-            pi: inertial parameters, (10 n,) [kg, kg·m, kg·m²].
-
-        Returns:
-            Torque (N, m) [N·m, N; W for rows of power].
-        """
+        """Rigid-body torque Y π, (N, m) [N·m, N; W for rows of power]."""
         if self.base is not None:
             return np.asarray(self.base @ (lib.base_matrix @ pi))
         return lib.inverse_dynamics(self.q, self.dq, self.ddq, pi)
 
     def base_rigid(self, lib: Library, beta: Array) -> Array:
-        """Rigid-body torque Y_b β.
-
-        Args:
-            lib: library of the robot.
-            beta: base parameters, (n_b,).
-
-        Returns:
-            Torque (N, m) [N·m, N; W for rows of power].
-        """
+        """Rigid-body torque Y_b β, (N, m) [N·m, N; W for rows of power]."""
         if self.base is not None:
             return np.asarray(self.base @ beta)
         return lib.base_inverse_dynamics(self.q, self.dq, self.ddq, beta)
@@ -161,17 +135,9 @@ class Samples:
 
 
 def samples_of(recording: Recording, lib: Library) -> Samples:
-    """Return the samples of a recording that is complete, finite and of this robot.
+    """Samples of a recording that is complete, finite and of this robot.
 
-    Args:
-        recording: log with all torque gains known.
-        lib: library of the robot.
-
-    Returns:
-        Samples whose τ is without the torque of springs and other known parts.
-
-    Raises:
-        IdentificationError: gains are unknown, joints differ, or rows are not complete.
+    Their τ is without the torque of springs and other known parts.
     """
     n = lib.n_joints
     if recording.has_unknown_gains:

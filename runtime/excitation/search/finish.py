@@ -134,8 +134,6 @@ def _best(
     return chosen[0][0], tuple(a for _, a in chosen)
 
 
-__all__ = ["repaired"]
-
 STEP = 1e-3
 """Step of the grid on which the limits hold, s."""
 STRICT = 2e-4
@@ -165,19 +163,7 @@ def finished(lib: Library, search: Search, a: Array) -> Finished:
 
 
 def repaired(lib: Library, search: Search, a: Array) -> Finished:
-    """Move a motion inside all limits at 1 kHz.
-
-    Args:
-        lib: library of the robot.
-        search: settings and limits.
-        a: coefficients of the motion, (n, M) [rad, m].
-
-    Returns:
-        The motion, smaller or slower where limits ask for it, with its share of them.
-
-    Raises:
-        IdentificationError: no smaller and no slower motion keeps the limits.
-    """
+    """Move a motion (n, M) [rad, m] inside all limits at 1 kHz, smaller or slower."""
     designed = search.settings.duration
     fine = _limits(lib, search, designed)
     a = inside(fine, a)

@@ -22,6 +22,7 @@ from runtime.library import Array, Library
 from runtime.library.parameters import FIRST_MOMENT, MASS, mass
 from runtime.recording import Friction
 from runtime.recording.friction.columns import OFFSET
+from runtime.recording.friction.coupled_motors import spread
 from runtime.recording.friction.model import columns as friction_columns
 from runtime.recording.settings import JointMotion
 
@@ -86,10 +87,10 @@ def predict(
         try:
             for samples in SAMPLES:
                 gram, condition = _gram(lib, trajectory, known, columns, samples)
-                spread = spreads[columns] = _covariance(gram, len(size), trajectory)
-                relative = float(np.sqrt(np.mean(np.diag(spread) / size**2)))
-                torque = float(np.sqrt(np.sum(seen * spread)))
-                axis = float(np.exp(np.linalg.slogdet(spread)[1] / (2 * len(spread))))
+                error = spreads[columns] = _covariance(gram, len(size), trajectory)
+                relative = float(np.sqrt(np.mean(np.diag(error) / size**2)))
+                torque = float(np.sqrt(np.sum(seen * error)))
+                axis = float(np.exp(np.linalg.slogdet(error)[1] / (2 * len(error))))
                 scores.append(Score(samples, len(gram), columns, condition, relative, torque, axis))
         except IdentificationError as error:
             if not columns:
@@ -147,12 +148,9 @@ def _gram(
     rows = lib.base_regressor(q, dq, ddq)
     if known.columns is not None:
         rows = rows @ known.columns
-    k, n = rows.shape[2], lib.n_joints
-    of_joint = friction_columns(JointMotion(dq), Friction(names))
-    spread = np.zeros((samples, n, n, of_joint.shape[2]))
-    for j in range(n):
-        spread[:, j, j] = of_joint[:, j]
-    rows = np.concatenate([rows, spread.reshape(samples, n, -1)], axis=2)
+    k = rows.shape[2]
+    of_joints = friction_columns(JointMotion(dq), Friction(names))
+    rows = np.concatenate([rows, spread(of_joints, None)], axis=2)
     flat = rows.reshape(-1, rows.shape[2])
     lengths = np.linalg.norm(flat, axis=0)
     condition = float(np.linalg.cond(flat / np.where(lengths > 0, lengths, 1.0)))
@@ -172,9 +170,9 @@ def _covariance(gram: Array, unknowns: int, trajectory: Trajectory) -> Array:
     return inverse[:unknowns, :unknowns]
 
 
-def payload_sigma(spread: Array) -> tuple[float, Array]:
+def payload_sigma(error: Array) -> tuple[float, Array]:
     """σ of mass and centre of a payload 0.1 m before the last link, δc = (δ(mc) − c δm) / m."""
     load = mass(PAYLOAD)
     slope = np.zeros((3, len(PAYLOAD)))
     slope[:, MASS], slope[:, FIRST_MOMENT] = -_COM / load, np.eye(3) / load
-    return float(np.sqrt(spread[MASS, MASS])), np.sqrt(np.diag(slope @ spread @ slope.T))
+    return float(np.sqrt(error[MASS, MASS])), np.sqrt(np.diag(slope @ error @ slope.T))

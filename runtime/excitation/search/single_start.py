@@ -28,8 +28,6 @@ from runtime.excitation.search.semidefinite_polish import polish
 from runtime.excitation.search.sqp import TOLERANCE, Objective, descend
 from runtime.library import Array, Indices, Library
 
-__all__ = ["Search"]
-
 NOISE = 0.2, 0.8
 """Smallest and largest noise on all coordinates of a variation; 1 reaches the bounds."""
 FAR_NOISE = 0.45, 0.75
@@ -212,15 +210,9 @@ class Search:
         self._coarse = self.limit_rows(LIMIT_STEP)
 
     def start(self, number: int, best: float = np.inf) -> tuple[float, Array]:
-        """Descent from a random motion, within the limits of its grid.
+        """Target and coefficients (n, M) [rad, m] of a descent from a random motion.
 
         A start of a smooth criterion that is behind `best` is given up, see `TRIED`.
-
-        Returns:
-            Target and coefficients (n, M) [rad, m].
-
-        Raises:
-            IdentificationError: the limits leave no room for a motion.
         """
         rows, elastic = LinearRows(self._matrix, self._bound), self._elastic(self._coarse)
         x = self._shrunk(self._random(number), ELASTIC)
@@ -253,18 +245,12 @@ class Search:
     def variation(
         self, number: int, parents: tuple[Array, ...], best: float
     ) -> tuple[float, Array]:
-        """Descent from a variation of one of the parents, see `varied` and `varied_far`.
+        """Target and coefficients of a descent from a variation of a parent, see `varied`.
 
         Each joint has limits of its own, so that with new motions of some joints those of the
         others stay admissible. D-optimality is skipped. Where the criterion is kinked, what has
         come back to a parent after the next stage is that parent, and what is not below `best` +
         `LATE_GAIN` is given up.
-
-        Returns:
-            Target and coefficients (n, M) [rad, m].
-
-        Raises:
-            IdentificationError: the limits leave no room for a motion.
         """
         rng = np.random.default_rng((self._seed, number, 1))
         known = self._coordinates.points(np.asarray(parents))
@@ -359,17 +345,7 @@ class Search:
         duration: float | None = None,
         share: float | None = None,
     ) -> LimitRows:
-        """Nonlinear limits on a grid.
-
-        Args:
-            step: largest time between two points of the grid [s].
-            tightened: share of each limit that stays unused besides.
-            duration: duration of the motion [s]; by default that of the settings.
-            share: share of the limits that may be used; by default that of the settings.
-
-        Returns:
-            Limits of the Cartesian motion and of collisions on the grid.
-        """
+        """Nonlinear limits on a grid, of which the share `tightened` stays unused besides."""
         lib, home, size, designed = self._grid
         end = designed if duration is None else duration
         t = np.linspace(0, end, 2 * int(np.ceil(end / 2 / step)) + 1)

@@ -16,20 +16,7 @@ from runtime.experiments.report.labels import DOCUMENT, case_name, cases_of, cur
 from runtime.experiments.report.reading import Experiment, MetricKey, Value
 from runtime.experiments.study import View
 from runtime.library import Array
-from runtime.outputs.report.canvas import (
-    BLUE,
-    GREEN,
-    INK,
-    ORANGE,
-    OWNER,
-    PURPLE,
-    SKY,
-    VERMILION,
-    page_figure,
-    picture,
-    svg,
-    thinned,
-)
+from runtime.outputs.report import canvas
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,7 +32,7 @@ def write_pictures(experiments: tuple[Experiment, ...], folder: Path) -> tuple[P
     """Write all figures as `fig-5.1.png` and so on."""
     written = []
     for experiment, view, path in paths_of(experiments, folder):
-        with picture(path, (_WIDTH, height(experiment, view)), DPI) as figure:
+        with canvas.picture(path, (_WIDTH, height(experiment, view)), DPI) as figure:
             draw(figure, experiment, view)
         written.append(path)
     return tuple(written)
@@ -63,8 +50,8 @@ def paths_of(
 
 
 LINES = (
-    *((BLUE, "-"), (ORANGE, "--"), (GREEN, "-."), (PURPLE, ":")),
-    *((VERMILION, "-"), (SKY, "--"), (INK, "-")),
+    *((canvas.BLUE, "-"), (canvas.ORANGE, "--"), (canvas.GREEN, "-."), (canvas.PURPLE, ":")),
+    *((canvas.VERMILION, "-"), (canvas.SKY, "--"), (canvas.INK, "-")),
 )
 """Colours and line styles, distinguishable with any colour vision and in print."""
 POINTS = 700
@@ -92,9 +79,9 @@ def height(experiment: Experiment, view: View) -> float:
 
 def inline(experiment: Experiment, view: View) -> Markup:
     """Figure as SVG for the page."""
-    with page_figure(height(experiment, view)) as figure:
+    with canvas.page_figure(height(experiment, view)) as figure:
         draw(figure, experiment, view)
-        return svg(figure, view.id)
+        return canvas.svg(figure, view.id)
 
 
 def draw(figure: "Figure", experiment: Experiment, view: View) -> None:
@@ -108,9 +95,11 @@ def _band(figure: "Figure", experiment: Experiment, view: View) -> None:
     axis = figure.subplots()
     low = np.maximum(mean - std, 0)
     axis.fill_between(
-        iteration, low, mean + std, color=SKY, alpha=0.3, linewidth=0, label="± 1 std"
+        iteration, low, mean + std, color=canvas.SKY, alpha=0.3, linewidth=0, label="± 1 std"
     )
-    axis.plot(iteration, mean, color=BLUE, label=f"mean of {experiment.trials} trials, {name}")
+    axis.plot(
+        iteration, mean, color=canvas.BLUE, label=f"mean of {experiment.trials} trials, {name}"
+    )
     axis.set_ylim(bottom=0)
     _finish(axis, view)
 
@@ -124,10 +113,8 @@ def _lines(figure: "Figure", experiment: Experiment, view: View) -> None:
     for (name, x, y), (colour, dashes) in zip(pairs, LINES, strict=False):
         broad = 3.0 if dashes == "-" and len(pairs) > 1 else 1.2
         alpha = 0.6 if broad > 2 else 1.0
-        axis.plot(
-            *thinned(x, y, POINTS), color=colour, linestyle=dashes, label=name, linewidth=broad,
-            alpha=alpha,
-        )  # fmt: skip
+        line = {"color": colour, "linestyle": dashes, "linewidth": broad, "alpha": alpha}
+        axis.plot(*canvas.thinned(x, y, POINTS), label=name, **line)  # type: ignore[arg-type]
     _finish(axis, view)
 
 
@@ -149,10 +136,10 @@ def _joints(figure: "Figure", experiment: Experiment, view: View) -> None:
     across = 4
     down = -(-len(experiment.joints) // across)
     axes = figure.subplots(down, across, sharex=True, squeeze=False).ravel()
-    styles = ({"color": SKY, "linewidth": 3.0}, {"color": INK, "linestyle": "--"})
+    styles = ({"color": canvas.SKY, "linewidth": 3.0}, {"color": canvas.INK, "linestyle": "--"})
     for j, axis in enumerate(axes[: len(experiment.joints)]):
         for (name, x, y), look in zip(_curves(experiment, view), styles, strict=False):
-            axis.plot(*thinned(x, y[:, j], POINTS), label=name, **look)  # type: ignore[arg-type]
+            axis.plot(*canvas.thinned(x, y[:, j], POINTS), label=name, **look)  # type: ignore[arg-type]
         axis.set_title(experiment.joints[j])
         axis.margins(x=0)
         axis.set_xlabel(view.axes[0])
@@ -168,8 +155,8 @@ def _path(figure: "Figure", experiment: Experiment, view: View) -> None:
         path = path[:, :3, 3]
     axis: Any = figure.add_subplot(projection="3d")
     kept = path[:: max(1, len(path) // POINTS)]
-    axis.plot(*kept.T, color=BLUE)
-    axis.plot(*path[:1].T, "o", color=GREEN, label="start and end")
+    axis.plot(*kept.T, color=canvas.BLUE)
+    axis.plot(*path[:1].T, "o", color=canvas.GREEN, label="start and end")
     extent = np.ptp(path, axis=0)
     if extent.any():  # else the path is one point
         axis.set_box_aspect(extent, zoom=0.9)
@@ -185,7 +172,7 @@ def _motion(figure: "Figure", experiment: Experiment, view: View) -> None:
     axes = figure.subplots(2, 2, sharex=True).ravel()
     for axis, values, name, unit in zip(axes, motion, MOTION, UNITS, strict=True):
         for j, (colour, dashes) in enumerate(LINES[: values.shape[1]]):
-            x, y = thinned(t, values[:, j], POINTS // 2)
+            x, y = canvas.thinned(t, values[:, j], POINTS // 2)
             axis.plot(x, y, color=colour, linestyle=dashes, label=experiment.joints[j])
         axis.set_title(f"{name} [{unit}]")
         axis.margins(x=0)
@@ -200,8 +187,8 @@ def _loglog(figure: "Figure", experiment: Experiment, view: View) -> None:
     axis = figure.subplots()
     name, other = (curve_name(key) for key in view.series[1:])
     seen = curve > 0
-    axis.loglog(x, reference, color=ORANGE, linestyle="--", label=other)
-    axis.loglog(x[seen], curve[seen], color=BLUE, marker="o", markersize=3, label=name)
+    axis.loglog(x, reference, color=canvas.ORANGE, linestyle="--", label=other)
+    axis.loglog(x[seen], curve[seen], color=canvas.BLUE, marker="o", markersize=3, label=name)
     for one in (axis.xaxis, axis.yaxis):  # the default formatter of logarithms writes mathematics
         one.set_major_formatter(lambda value, _: f"{value:.0e}")
         one.set_minor_formatter(lambda *_: "")
@@ -241,7 +228,7 @@ def _bars(figure: "Figure", experiment: Experiment, view: View) -> None:
                 hatch="////" if is_document else hatch,
             )
             for bar in drawn:
-                bar.set_gid(f"{OWNER}{owner}")
+                bar.set_gid(f"{canvas.OWNER}{owner}")
         axis.set_xticks(
             range(len(view.metrics)), [f"joint {m.rpartition('_')[2]}" for m in view.metrics]
         )

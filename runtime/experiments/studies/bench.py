@@ -11,30 +11,8 @@ from runtime.estimators.descent.fit import PRESETS, Preset
 from runtime.estimators.methods import METHODS
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
+from runtime.experiments import study, trials
 from runtime.experiments.studies.logs import EMPTY, LOADED, PREPARATION, log_of
-from runtime.experiments.study import (
-    TORQUE,
-    Arrays,
-    Row,
-    Study,
-    StudyOutcome,
-    View,
-    torque_bars,
-    torque_table,
-)
-from runtime.experiments.trials import (
-    ROLES,
-    Scorer,
-    adam_of_all,
-    condition,
-    document_robot,
-    fit_frozen,
-    link_rows,
-    scorer_of,
-    stream,
-    timed,
-    torque_rms,
-)
 from runtime.identification.payload.estimate import identify_payload
 from runtime.library import Array, Library
 from runtime.library.parameters import MASS, centre_of_mass, links, mass
@@ -72,7 +50,7 @@ class Part:
     train: Samples
     held: Samples
     test: Samples
-    scorer: Scorer
+    scorer: trials.Scorer
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,21 +61,23 @@ class BenchSetup:
     config: BenchConfig
     lam: Array
     parts: dict[tuple[str, str], Part]
-    logs: Arrays
+    logs: study.Arrays
 
 
-def _prepare(lib: Library, config: BenchConfig, needed: Arrays) -> BenchSetup:
+def _prepare(lib: Library, config: BenchConfig, needed: study.Arrays) -> BenchSetup:
     """Prepare the logs as the document does, with the friction columns of every method."""
     parts = {}
     for case, logs in LOGS.items():
         for name, terms in _terms(config).items():
             train, held, test = (
                 samples_of(prepared(log_of(lib, needed, logs, r), PREPARATION, terms, lib=lib), lib)
-                for r in ROLES
+                for r in trials.ROLES
             )
-            truth = scorer_of(lib, test, np.array(needed[f"{logs}/pi"]), config.configurations)
+            truth = trials.scorer_of(
+                lib, test, np.array(needed[f"{logs}/pi"]), config.configurations
+            )
             parts[case, name] = Part(train, held, test, truth)
-    lam = lib.lam_from_pi(document_robot(lib))
+    lam = lib.lam_from_pi(trials.document_robot(lib))
     return BenchSetup(lib, config, lam, parts, needed)
 
 
@@ -105,10 +85,10 @@ def _terms(config: BenchConfig) -> dict[str, Friction]:
     return {"map": PLAIN, "map-friction": config.friction, "map-dahl": config.dahl}
 
 
-def _run(setup: BenchSetup, numbers: range, threads: int) -> list[Row]:
+def _run(setup: BenchSetup, numbers: range, threads: int) -> list[study.Row]:
     """Fit all methods to both cases."""
     lib, config = setup.lib, setup.config
-    rows: list[Row] = []
+    rows: list[study.Row] = []
     for case in LOGS:
         plain = setup.parts[case, "map"]
         problems = [_problem(setup, plain, number, case) for number in numbers]
@@ -128,7 +108,9 @@ def _run(setup: BenchSetup, numbers: range, threads: int) -> list[Row]:
             for method, (solve, terms) in convex.items():
                 part = setup.parts[case, terms]
                 problem = _problem(setup, part, number, case)
-                rows.append(_row(case, method, number, part, problem, *timed(solve, problem)))
+                rows.append(
+                    _row(case, method, number, part, problem, *trials.timed(solve, problem))
+                )
     return rows
 
 
@@ -138,24 +120,26 @@ def _descents(
     """λ-Adam of all problems of a case, with its seconds."""
     preset = setup.config.adam
     if case == FROZEN:
-        return [timed(lambda p: fit_frozen(p, setup.lam, preset, []), p) for p in problems]
-    return adam_of_all(problems, preset, threads)
+        return [
+            trials.timed(lambda p: trials.fit_frozen(p, setup.lam, preset, []), p) for p in problems
+        ]
+    return trials.adam_of_all(problems, preset, threads)
 
 
 def _problem(setup: BenchSetup, part: Part, number: int, case: str) -> Problem:
     config = setup.config
-    guess = stream(config.seed, number, GUESS).normal(size=setup.lam.size)
-    guess[link_rows(setup.lib)] *= case != FROZEN
+    guess = trials.stream(config.seed, number, GUESS).normal(size=setup.lam.size)
+    guess[trials.link_rows(setup.lib)] *= case != FROZEN
     start = setup.lam * (1 + config.perturbation * guess)
-    batches = int(stream(config.seed, number, BATCHES).integers(2**63))
+    batches = int(trials.stream(config.seed, number, BATCHES).integers(2**63))
     weights = thesis_weights(part.train.tau)
     return Problem(setup.lib, part.train, part.held, weights, start, seed=batches)
 
 
 def _row(
     case: str, method: str, number: int, part: Part, problem: Problem, fit: Fit, seconds: float
-) -> Row:
-    row: Row = {"case": case, "method": method, "trial": number, "status": fit.status}
+) -> study.Row:
+    row: study.Row = {"case": case, "method": method, "trial": number, "status": fit.status}
     friction = part.test.friction(fit.phi) if fit.phi.size else None
     row |= part.scorer.row(fit.pi, friction, fit.unrepaired)
     row |= {"iterations": fit.iterations, "time_s": seconds}
@@ -163,21 +147,21 @@ def _row(
     return row | ({} if fit.n_eff is None else {"n_eff": fit.n_eff})
 
 
-def _finish(setup: BenchSetup, rows: list[Row]) -> StudyOutcome:
+def _finish(setup: BenchSetup, rows: list[study.Row]) -> study.StudyOutcome:
     """Identify the payload on the known arm, and collect the facts of the data."""
     del rows
-    return StudyOutcome(facts=_facts(setup), rows=_fixed_arm(setup))
+    return study.StudyOutcome(facts=_facts(setup), rows=_fixed_arm(setup))
 
 
-def _fixed_arm(setup: BenchSetup) -> list[Row]:
+def _fixed_arm(setup: BenchSetup) -> list[study.Row]:
     """Payload from the difference to the run without payload, for every training log."""
     lib, logs = setup.lib, setup.logs
     names = [name.split("/")[1] for name in logs if name.startswith(f"{LOADED}/")]
     truth = links(logs[f"{LOADED}/pi"] - logs[f"{EMPTY}/pi"])[-1]
     training = [r for r in dict.fromkeys(names) if r.startswith(("training", "repeat"))]
-    rows: list[Row] = []
+    rows: list[study.Row] = []
     for number, role in enumerate(training):
-        row: Row = {"case": "payload", "method": "fixed-arm", "trial": number}
+        row: study.Row = {"case": "payload", "method": "fixed-arm", "trial": number}
         loaded, empty = (log_of(lib, logs, part, role) for part in (LOADED, EMPTY))
         try:
             payload = identify_payload(loaded, lib, empty=empty, preparation=PREPARATION)
@@ -211,8 +195,12 @@ def _facts(setup: BenchSetup) -> dict[str, Any]:
         "friction_columns": {name: terms.facts() for name, terms in _terms(config).items()},
         "weights": {case: thesis_weights(p.train.tau).tolist() for case, p in plain.items()},
         "weights_of_map": "1/s_j^2 from the residuals, three passes",
-        "torque_rms": {case: torque_rms(part.test.tau).tolist() for case, part in plain.items()},
-        "condition_numbers": {case: condition(lib, part.train) for case, part in plain.items()},
+        "torque_rms": {
+            case: trials.torque_rms(part.test.tau).tolist() for case, part in plain.items()
+        },
+        "condition_numbers": {
+            case: trials.condition(lib, part.train) for case, part in plain.items()
+        },
         "condition_columns": f"{len(lib.base_columns)} base parameters, columns of unit length",
         "truth": "airm, frobenius and base_error are against the links of the virtual robot",
         "seed": config.seed,
@@ -224,7 +212,7 @@ _BOTH = tuple(LOGS)
 DISTANCES = ("airm", "base_error")
 """Distances from the truth, which the torque errors do not show."""
 
-STUDY = Study(
+STUDY = study.Study(
     name="bench",
     title="Virtual FR3: parameter tuning, payload, PC-IDIM-OLS",
     config=BenchConfig(),
@@ -249,30 +237,30 @@ STUDY = Study(
     },
     needs=("excitation", "logs"),
     views=(
-        View(
+        study.View(
             "table-5.9",
             "table",
             "Parameter tuning: torque errors, %",
             ("tuning",),
-            (*TORQUE, *DISTANCES),
+            (*study.TORQUE, *DISTANCES),
         ),
-        torque_bars("fig-5.5", "Parameter tuning: before and after", ("tuning",)),
-        View(
+        study.torque_bars("fig-5.5", "Parameter tuning: before and after", ("tuning",)),
+        study.View(
             "table-5.10",
             "table",
             "Payload adaptation: torque errors, %",
             ("payload",),
-            (*TORQUE, *DISTANCES, "mass_error_g", "com_error_mm"),
+            (*study.TORQUE, *DISTANCES, "mass_error_g", "com_error_mm"),
         ),
-        torque_bars("fig-5.7", "Payload adaptation: before and after", ("payload",)),
-        View(
+        study.torque_bars("fig-5.7", "Payload adaptation: before and after", ("payload",)),
+        study.View(
             "table-5.11",
             "table",
             "λ-Adam against PC-IDIM-OLS: effort",
             _BOTH,
             ("time_s", "iterations", "consistent"),
         ),
-        torque_table("table-5.12", "λ-Adam against PC-IDIM-OLS", _BOTH),
-        torque_bars("fig-5.8", "λ-Adam against PC-IDIM-OLS", _BOTH),
+        study.torque_table("table-5.12", "λ-Adam against PC-IDIM-OLS", _BOTH),
+        study.torque_bars("fig-5.8", "λ-Adam against PC-IDIM-OLS", _BOTH),
     ),
 )

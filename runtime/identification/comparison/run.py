@@ -32,8 +32,6 @@ from runtime.identification.single_log import identify_assembled
 from runtime.library import Array, Library
 from runtime.recording.notebook import Shown
 
-__all__ = ["Figures", "TrueParameters", "compare"]
-
 UNWRITTEN = ("squares", "contradictions", "model_errors")
 """Figures that compare.json does not state: they are what the advice is from."""
 RAN, FAILED = "ran", "failed"
@@ -151,21 +149,7 @@ def compare(
     started: Callable[[str], None] | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> Comparison:
-    """Run several methods on one problem; a failure of one method is a row.
-
-    Args:
-        assembly: problem and recordings.
-        methods: names of estimators.
-        truth: parameters of a simulated log.
-        started: called with the name of a method before it runs.
-        progress: called with iteration and best validation loss.
-
-    Returns:
-        One row per method in this order; after Ctrl-C the rest has not run.
-
-    Raises:
-        IdentificationError: there is no method of such a name.
-    """
+    """Run several methods on one problem, a row each; a failure of one method is a row."""
     for method in methods:
         require_method(method)
     problem = assembly.problem

@@ -24,21 +24,6 @@ from runtime.library import Array, Indices
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = [
-    "BLUE",
-    "GREEN",
-    "INK",
-    "ORANGE",
-    "OWNER",
-    "PURPLE",
-    "SKY",
-    "VERMILION",
-    "page_figure",
-    "picture",
-    "svg",
-    "thinned",
-]
-
 BLUE, ORANGE, GREEN = "#0072B2", "#E69F00", "#009E73"
 PURPLE, SKY, VERMILION = "#CC79A7", "#56B4E9", "#D55E00"
 """Palette of Okabe and Ito, distinguishable with any colour vision."""
@@ -122,15 +107,7 @@ def blank(
 def page_figure(
     height: float, layout: Literal["constrained"] | None = "constrained"
 ) -> "Iterator[Figure]":
-    """Blank figure of the page width and the height [inch].
-
-    Args:
-        height: height [inch].
-        layout: layout engine; None leaves the places of axes to the caller.
-
-    Yields:
-        The figure, with the settings in force.
-    """
+    """Blank figure of the page width and the height [inch], with the settings in force."""
     rules = settings(PAGE_INK, PAGE_LINE, PAGE_LINE) | {
         "svg.fonttype": "none",
         "grid.linewidth": 0.4,
@@ -155,16 +132,7 @@ def picture_format(path: Path) -> str:
 
 @contextmanager
 def picture(path: Path, size: tuple[float, float], dpi: float) -> "Iterator[Figure]":
-    """Blank figure that is written to a file, complete or not at all.
-
-    Args:
-        path: png, pdf or svg file.
-        size: width and height [inch].
-        dpi: dots per inch.
-
-    Yields:
-        The figure, with the settings in force.
-    """
+    """Blank figure that is written to a file, complete or not at all."""
     suffix = picture_format(path)
     with blank(size, settings(), dpi) as figure:
         yield figure
@@ -189,15 +157,7 @@ def heading(figure: "Figure", text: str) -> None:
 
 
 def svg(figure: "Figure", name: str) -> Markup:
-    """<svg> element with page colours, short numbers and unique ids.
-
-    Args:
-        figure: finished figure.
-        name: prefix of all ids, unique on the page.
-
-    Returns:
-        Text that a page holds as it is.
-    """
+    """<svg> element with page colours, short numbers and unique ids."""
     from matplotlib import rc_context
 
     buffer = io.StringIO()
@@ -233,15 +193,6 @@ def thinned(t: Array, y: Array, most: int, gaps: Indices | None = None) -> tuple
     """Reduce a curve to about `most` points: the smallest and largest value of equal bins.
 
     A pause becomes a gap in the line, unless there are too many.
-
-    Args:
-        t: times, (N,) [s].
-        y: values, (N,).
-        most: number of points.
-        gaps: indices at which a pause ends; by default found from the times.
-
-    Returns:
-        Times and values, (M,) each; NaN between two pieces.
     """
     if gaps is None:
         gaps = pauses(t)

@@ -20,8 +20,6 @@ from markupsafe import Markup
 from runtime.common.files import replacing
 from runtime.common.tables import NOTHING, Table
 
-__all__ = ["Page", "Section", "Tile", "write_page"]
-
 
 @dataclass(frozen=True, slots=True)
 class Section:
@@ -84,15 +82,7 @@ def provenance(
 
 
 def write_page(page: Page, path: Path) -> Path:
-    """Write a page, complete or not at all.
-
-    Args:
-        page: content.
-        path: HTML file.
-
-    Returns:
-        The path.
-    """
+    """Write a page, complete or not at all."""
     with replacing(path) as file:
         file.write(render(page).encode("utf-8", "replace"))
     return path

@@ -23,8 +23,6 @@ from runtime.errors import IdentificationError, RecordingError
 from runtime.library import Array
 from runtime.recording.formats.tables import EXPANSION, SLACK, LogTable, common_count
 
-__all__ = ["open_npz"]
-
 MOST_TEXTS = 10_000
 """Largest number of texts in an array of an NPZ that is read."""
 _LOCAL_HEADER, _LENGTHS = 30, 26  # PKWARE APPNOTE, Sec. 4.3.7
@@ -32,18 +30,7 @@ R = TypeVar("R")
 
 
 def open_npz(data: bytes, name: str) -> dict[str, NDArray]:
-    """All arrays of an NPZ; nothing in it is unpickled.
-
-    Args:
-        data: bytes of the file.
-        name: file that sentences name.
-
-    Returns:
-        Arrays by name.
-
-    Raises:
-        RecordingError: it is no NPZ, is too large, or holds Python objects.
-    """
+    """All arrays of an NPZ; nothing in it is unpickled."""
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             if not isinstance(archive, np.lib.npyio.NpzFile):

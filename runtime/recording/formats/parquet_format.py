@@ -25,8 +25,6 @@ from runtime.recording.recipes.default_convention import (
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 from runtime.recording.recording import Recording
 
-__all__ = ["rows_of"]
-
 KIND = "a Parquet file"
 BATCH = 65536
 

@@ -15,7 +15,7 @@ AVOIDED = {
 """Words that do not say what a variable holds; docs/contributing lists what is said instead."""
 
 SECTION = re.compile(r"^(Args|Returns|Yields|Raises):", re.MULTILINE)
-SHAPE = re.compile(r"\((?:\.\.\.|N|K|n|L|10 L|blocks),.*\)|[Ss]hape of")
+SHAPE = re.compile(r"\((?:\.\.\.|N|K|n|L|10 L|blocks|orders|size|m),.*\)|[Ss]hape of")
 """Shape of a result, which its sentence may state in place of a section."""
 
 

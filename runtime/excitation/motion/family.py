@@ -51,29 +51,17 @@ class Basis(Protocol):
         """Number of functions per joint."""
 
     def at(self, lib: Library, size: int, t: Array, duration: float) -> Array:
-        """Functions in time, by their derivatives by s.
-
-        Returns:
-            φ_m and three time derivatives, (N, size, 4).
-        """
+        """φ_m and three time derivatives, (N, size, 4), by their derivatives by s."""
         del lib
         derivatives = self.derivatives(4, size, t / duration)
         powers = duration ** -np.arange(len(derivatives), dtype=float)
         return np.moveaxis(derivatives * powers[:, None, None], 0, 2)
 
     def derivatives(self, orders: int, size: int, s: Array) -> Array:
-        """Derivatives by s.
-
-        Returns:
-            d^k φ_m/ds^k, k < orders, (orders, N, size).
-        """
+        """Derivatives d^k φ_m/ds^k by s, k < orders, (orders, N, size)."""
 
     def bound(self, order: int, size: int) -> Array:
-        """Largest size of a derivative.
-
-        Returns:
-            Upper bounds of |d^k φ_m/ds^k| over 0 ≤ s ≤ 1, (size,).
-        """
+        """Upper bounds of |d^k φ_m/ds^k| over 0 ≤ s ≤ 1, (size,)."""
 
 
 @dataclass(frozen=True, slots=True)

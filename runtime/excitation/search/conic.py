@@ -154,18 +154,10 @@ class Nonlinear(Protocol):
         """Numbers, ascending, g (m,) and J (m, p) of all rows that a step could violate."""
 
     def values(self, x: Array, numbers: Indices) -> Array:
-        """Values of chosen rows.
-
-        Returns:
-            g, (m,).
-        """
+        """Values g, (m,), of chosen rows."""
 
     def jacobian(self, x: Array, numbers: Indices) -> Array:
-        """Slopes of chosen rows.
-
-        Returns:
-            J, (m, p).
-        """
+        """Slopes J, (m, p), of chosen rows."""
 
 
 class Curved:

@@ -17,7 +17,7 @@ import numpy as np
 from runtime.common.files import json_of, require_file, sha256_of
 from runtime.common.records import record_from_table
 from runtime.errors import RecordingError, RuntimeFault
-from runtime.experiments.storage import CONFIG, HASH, QUARTILES, RESULT, SERIES, TRIALS, arrow
+from runtime.experiments.storage import CONFIG, HASH, RESULT, SERIES, TRIALS, arrow, summary
 from runtime.experiments.study import FORMAT, View
 from runtime.library import Array
 from runtime.recording.formats.npz import open_npz
@@ -175,15 +175,13 @@ def _require_whole(folder: Path, raw: Mapping[str, Any], known: Mapping[str, Any
     mark = metadata.get(HASH, b"").decode(errors="replace")
     if not raw["config_hash"] == known["config_hash"] == mark or raw["config"] != known["config"]:
         raise RuntimeFault(f"the files of '{folder}' have different configs; {_AGAIN}")
-    counted: dict[MetricKey, list[float]] = {}
-    for row in rows:
-        for name, value in row.items():
-            if name not in {"case", "method", "trial", "status"} and value is not None:
-                counted.setdefault((row["case"], row["method"], name), []).append(float(value))
-    stated = {(e["case"], e["method"], e["metric"]): e for e in raw["summary"]}
-    both = counted.keys() & stated.keys()
-    wrong = (counted.keys() ^ stated.keys()) | {
-        k for k in both if not _agrees(stated[k], counted[k])
+    with np.errstate(all="ignore"):  # overflow gives infinity, which agrees with no number
+        kept = [{k: v for k, v in row.items() if v is not None} for row in rows]
+        computed = {_key(entry): entry for entry in summary(kept)}
+    stated = {_key(entry): entry for entry in raw["summary"]}
+    both = computed.keys() & stated.keys()
+    wrong = (computed.keys() ^ stated.keys()) | {
+        k for k in both if not _agrees(stated[k], computed[k])
     }
     if wrong:
         words = " ".join(min(wrong))
@@ -192,31 +190,33 @@ def _require_whole(folder: Path, raw: Mapping[str, Any], known: Mapping[str, Any
         )
 
 
-def _agrees(stated: Mapping[str, Any], values: list[float]) -> bool:
-    with np.errstate(all="ignore"):  # overflow gives infinity, which agrees with no number
-        std = float(np.std(values, ddof=1)) if len(values) > 1 else None
-        pairs = [(stated["mean"], float(np.mean(values)))]
-        if (quartiles := stated.get("quartiles")) is not None:  # older files have none
-            pairs += zip(quartiles, np.quantile(values, QUARTILES).tolist(), strict=True)
-    if std is not None and stated["std"] is not None:
-        pairs.append((stated["std"], std))
-    scale = max(map(abs, values))
+def _key(entry: Mapping[str, Any]) -> MetricKey:
+    return entry["case"], entry["method"], entry["metric"]
+
+
+def _agrees(stated: Mapping[str, Any], computed: Mapping[str, Any]) -> bool:
+    """Whether an entry of a summary, of older files without quartiles, is the computed one."""
+    quartiles = stated.get("quartiles") or computed["quartiles"]
+    pairs = [
+        (stated["mean"], computed["mean"]),
+        *zip(quartiles, computed["quartiles"], strict=True),
+    ]
+    has_std = computed["std"] is not None
+    if has_std and stated["std"] is not None:
+        pairs.append((stated["std"], computed["std"]))
+    scale = max(abs(number) for _, number in pairs)
     near = all(math.isclose(a, b, rel_tol=AGREEMENT, abs_tol=AGREEMENT * scale) for a, b in pairs)
-    counted = stated["n"] == len(values) and (std is None) == (stated["std"] is None)
-    return counted and near
+    return stated["n"] == computed["n"] and has_std == (stated["std"] is not None) and near
 
 
 def _experiment(raw: Mapping[str, Any], series: dict[str, Array]) -> Experiment:
     values = {
-        (e["case"], e["method"], e["metric"]): Value(
-            e["mean"], e["std"], e["n"], tuple(e.get("quartiles", ()))
-        )
+        _key(e): Value(e["mean"], e["std"], e["n"], tuple(e.get("quartiles", ())))
         for e in raw["summary"]
     }
     document: dict[str, dict[MetricKey, Value]] = {}
     for e in raw["document"]:
-        values_of_id = document.setdefault(e["id"], {})
-        values_of_id[e["case"], e["method"], e["metric"]] = Value(
+        document.setdefault(e["id"], {})[_key(e)] = Value(
             e["mean"], e["std"], misprint=str(e.get("misprint", ""))
         )
     views = tuple(_view(entry, series) for entry in raw["views"])

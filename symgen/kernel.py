@@ -16,12 +16,10 @@ from numpy.typing import NDArray
 
 from symgen.errors import BuildError
 
-FURTHER = "further"
-"""Name of the argument of all symbols that are not inputs."""
+FURTHER = "further"  # name of the argument of all symbols that are not inputs
 
 Array = NDArray[np.float64]
-Matrix = Any
-"""`casadi.SX | casadi.DM`; CasADi ships no type stubs."""
+Matrix = Any  # `casadi.SX | casadi.DM`; CasADi ships no type stubs
 
 
 @dataclass(frozen=True, slots=True)

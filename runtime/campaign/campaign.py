@@ -45,10 +45,8 @@ determine what the friction columns depend on, and other minima look like noise.
 UNSEEN_LATER = 0.2
 """Share of friction and ripple not yet seen that a log of a further motion may still show."""
 STATE = "state.json"
-NEAR = START / 2
-"""Distance from the start below which a robot stays where it is [rad, m]."""
-WAY_SPEED = 0.1
-"""Share of full speed on the way to the start."""
+NEAR = START / 2  # distance from the start below which a robot stays where it is [rad, m]
+WAY_SPEED = 0.1  # share of full speed on the way to the start
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,8 +43,7 @@ from runtime.simulation import Box, record, settings_of
 
 AGREEMENT = 3.0
 """Largest RMS of the residual of a new log over the RMS of the band that the model states."""
-EMPTY_CELL = Safety()
-"""Limits of the robot alone."""
+EMPTY_CELL = Safety()  # limits of the robot alone
 RATIO = 0.2
 """Largest deviation of r from 1; links that differ by 5 % from the URDF leave 0.04, a body of 1 kg
 on the last link of an FR3 changes it by 0.4."""
@@ -55,10 +54,8 @@ DISTINCT = 10.0
 """Standard deviation of the part of τ_URDF,j that friction and an offset do not imitate, over that
 of e, from which on r is known to 0.1. Sound joints with three times the usual friction reach 6 and
 more, and their r is off by up to 0.06."""
-SMALL = 0.1
-"""Torques of wrists below this share of the largest one are left to the first rule."""
-CLEAR = 2.0
-"""Size of a torque over the one that it is compared with from which on it counts."""
+SMALL = 0.1  # torques of wrists below this share of the largest one are left to the first rule
+CLEAR = 2.0  # size of a torque over the one that it is compared with from which on it counts
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,16 +157,14 @@ KINDS = ("sign", "order", "delay", "tool", "friction", "gain")
 """Torque of the other sign, exchanged or late, a body on the last link, friction, scaled torque."""
 SIZES = {"delay": 0.01, "tool": 1.0, "friction": 3.0, "gain": 1.3}
 """Size of a fault: delay [s], mass [kg], factors."""
-TOOL_COM = (0.0, 0.0, 0.08)
-"""Centre of mass of the tool in the frame of the tip link [m]."""
+TOOL_COM = (0.0, 0.0, 0.08)  # centre of mass of the tool in the frame of the tip link [m]
 RECOVERED = 0.1
 """Largest RMS error of the rigid-body torque of a joint along the motion, over the RMS of that
 torque or a tenth of the largest of all joints: torques of wrists are small."""
 SCALE = 0.7
 """Size of the motion in the rehearsal: a virtual robot with a tool or with friction that its
 controller does not know leaves the path by some hundredths and must not reach an end of a joint."""
-LATE = 3e-3
-"""Delay from which on it is named [s]; it is estimated and compensated."""
+LATE = 3e-3  # delay from which on it is named [s]; it is estimated and compensated
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,26 +52,20 @@ from runtime.recording.settings import EVERYTHING
 MOTION_HZ, BELOW_RATE = 60.0, 0.4
 """Cut-off of q before it is differentiated [Hz], and the same over the rate of a slow log: measured
 speeds pass a filter of the robot, which delays them by more than a millisecond."""
-SIGN_SPEED = 5e-3
-"""Width of s [rad/s, m/s], above the noise of the differentiated position."""
+SIGN_SPEED = 5e-3  # width of s [rad/s, m/s], above the noise of the differentiated position
 FRICTION = (
     *("dahl", "dahl asymmetric", "dahl stribeck", "dahl load"),
     *("viscous", "ripple sine", "ripple cosine"),
 )
-MEMORY = 4
-"""Number of columns with ζ, the first ones."""
+MEMORY = 4  # number of columns with ζ, the first ones
 ERRORS = ("delay error", "stroke error", "peak speed error", "waves error")
 """Columns whose coefficients are errors of the parameters that the others depend on."""
 SPREAD = np.array([5e-3, 0.7, 0.7, 1.0])
 """σ of delay [s], ln z_c, ln v_s and w [1/rad], of joints whose motion hardly determines them."""
-LOAD = 0.02
-"""σ of friction over the load."""
-NAMES = (*FRICTION, *ERRORS, OFFSET.name)
-"""All columns; the offset, the last one, is one per log."""
-STROKE, PEAK_SPEED = 2e-3, 0.1
-"""z_c and v_s before they are estimated [rad, rad/s]."""
-STEP = 0.1
-"""Step of ln z_c in the difference quotient of the columns."""
+LOAD = 0.02  # σ of friction over the load
+NAMES = (*FRICTION, *ERRORS, OFFSET.name)  # all columns; the offset, the last one, is one per log
+STROKE, PEAK_SPEED = 2e-3, 0.1  # z_c and v_s before they are estimated [rad, rad/s]
+STEP = 0.1  # step of ln z_c in the difference quotient of the columns
 LOWEST, HIGHEST, SPACING = 3.0, 40.0, 0.1
 """Waves per rad that are tried: below, gravity has such periods; the spacing is finer than the
 width of a line, 2π over the range of a joint."""
@@ -81,8 +75,7 @@ of N_eff ≈ N/2.5 rows yields 2 ln(tried) / N_eff."""
 SEARCHES, ITERATIONS = 2, 4
 LARGEST_STEP = np.array([2e-3, 0.5, 0.5, 0.3])
 """Largest step of delay [s], ln z_c, ln v_s and w [1/rad]: the columns are linear so far."""
-PASSES = 3
-"""Passes in which the weights of the joints follow their residuals."""
+PASSES = 3  # passes in which the weights of the joints follow their residuals
 RANK_TOLERANCE = 3.2e-5
 """Singular value of unit columns, over the largest, below which columns of friction are one."""
 

@@ -19,12 +19,9 @@ from runtime.library import Array, Library
 from runtime.monitoring.model import urdf_model
 from runtime.monitoring.observer import Observer
 
-MARGIN = 0.05
-"""Share of velocity and torque limits that a sample may exceed, for noise."""
-TRACKING = 0.02
-"""Largest distance from the commanded position, as a share of the range of a joint."""
-WIDEST = 0.05
-"""Upper bound of that distance [rad, m]."""
+MARGIN = 0.05  # share of velocity and torque limits that a sample may exceed, for noise
+TRACKING = 0.02  # largest distance from the commanded position, as a share of the range of a joint
+WIDEST = 0.05  # upper bound of that distance [rad, m]
 BANDWIDTH = 1000.0
 WINDOW = 0.003
 """Bandwidth [1/s] and averaging window [s] of the observer: it shows 96 % of a step after 5 ms."""
@@ -33,8 +30,7 @@ ACCELERATION_NOISE = 1.0
 LEVEL = 5.0
 """Standard deviations from which an external torque stops the robot; a virtual FR3 at full speed
 reached 4.2 in 30 s of free motion."""
-LATE = 3.0
-"""Periods without a sample after which data are stale; a jump of the robot's clock alike."""
+LATE = 3.0  # periods without a sample after which data are stale; a jump of the robot's clock alike
 MODEL_ERROR = (0.006, 0.03, 0.5)
 """σ of the modelled torque of an arm that is not identified: 0.6 % of the effort limit, at least
 0.5 N·m, at most 3 %; friction of wrists is that large."""

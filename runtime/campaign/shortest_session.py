@@ -52,10 +52,8 @@ from runtime.recording.friction.coupled_motors import spread
 from runtime.recording.friction.model import columns
 from runtime.recording.settings import JointMotion
 
-MOST_ROWS = 1500
-"""Largest number of instants that stand for a session."""
-SLOW = 0.05
-"""Share of the velocity limit below which friction rises (Stribeck)."""
+MOST_ROWS = 1500  # largest number of instants that stand for a session
+SLOW = 0.05  # share of the velocity limit below which friction rises (Stribeck)
 NOISE, GAINS, FRICTION, DELAY = (
     "noise, friction columns and offsets",
     "gains of the torque sensors",
@@ -236,18 +234,15 @@ def known_before(result: Identification, lib: Library) -> Array:
     return np.asarray((inverse + inverse.T) / 2)
 
 
-FIRST = 4.0
-"""Duration of the first motion that is tried [s]."""
+FIRST = 4.0  # duration of the first motion that is tried [s]
 SHORTEST = 3.0
 """Shortest duration that is tried [s]: in less, small joints hardly move and two runs differ."""
-LONGEST = 120.0
-"""Longest duration that is tried [s]."""
+LONGEST = 120.0  # longest duration that is tried [s]
 ATTEMPTS = 8
 CLOSE = 1.15
 """Ratio of the shortest duration that reaches the target to the longest that does not, at which the
 search ends."""
-PER_SECOND = 0.8
-"""Harmonics per second of motion, up to the number of the settings."""
+PER_SECOND = 0.8  # harmonics per second of motion, up to the number of the settings
 FEWEST_HARMONICS = 3
 
 

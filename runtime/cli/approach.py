@@ -19,8 +19,7 @@ from runtime.excitation.way import Way, way_back, way_to
 from runtime.library import Array, Library
 from runtime.recording import read_recording
 
-HOME = "home"
-"""Value of --from for the home of the robot."""
+HOME = "home"  # value of --from for the home of the robot
 
 
 @dataclass(frozen=True, slots=True)

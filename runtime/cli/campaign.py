@@ -16,8 +16,7 @@ from runtime.common.settings import method_field, model_field, output_field
 from runtime.common.terminal import completing, say
 from runtime.errors import IdentificationError
 
-NOT_REACHED = 1
-"""Exit code where the time ended before the target was reached."""
+NOT_REACHED = 1  # exit code where the time ended before the target was reached
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

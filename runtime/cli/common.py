@@ -34,8 +34,7 @@ from runtime.library.library import ForeignRobotError, find
 from runtime.registry import Registry
 
 Overwrite = Annotated[bool, output_option("--overwrite", help="Replace files that exist.")]
-PAGE = b'<meta name="generator" content="symgen">'
-"""Mark of an HTML page of this package."""
+PAGE = b'<meta name="generator" content="symgen">'  # mark of an HTML page of this package
 
 Yes = Annotated[
     bool,

@@ -37,8 +37,7 @@ from runtime.recording.settings import COLUMNS
 HARMONICS = 8
 """Default number of harmonics: logs of virtual arms give smaller errors than with 5, and the same
 as with 10 (`scripts/bench_excitation --designs`)."""
-DOCUMENT_HARMONICS = DesignSettings().harmonics
-"""That of the document's problem."""
+DOCUMENT_HARMONICS = DesignSettings().harmonics  # that of the document's problem
 HARMONICS_HELP = (
     f"Number M of harmonics or splines per joint; default {HARMONICS}, with --settings "
     f"document=true {DOCUMENT_HARMONICS}."
@@ -54,8 +53,7 @@ STARTS_FOR_PROCESSES = {True: 10, False: 4}
 A process takes two seconds to begin, as long as one start with all limits; a start in document mode
 takes a third of that.
 """
-POSES = 12
-"""Default number of poses."""
+POSES = 12  # default number of poses
 OF_LIMITS = {"from_pose", *(field.name for field in fields(LimitChoices))} - {
     *("unchecked", "robot", "yes")
 }

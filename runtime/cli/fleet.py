@@ -28,8 +28,7 @@ from runtime.monitoring.fleet.fleet_prior import (
 )
 from runtime.monitoring.fleet.gather import Unit, gather, remove_parts, statistics_files
 
-SHOWN = 20
-"""Units that are printed, those that differ most first."""
+SHOWN = 20  # units that are printed, those that differ most first
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

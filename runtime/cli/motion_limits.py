@@ -26,12 +26,9 @@ from runtime.identification.payload.body import (
 from runtime.library import Array, Library
 from runtime.library.parameters import link_columns
 
-_WITH_BOX = 7
-"""Count of the numbers of a body with the edges of its box."""
-BOX = 6
-"""Count of the numbers of --box, and of a box in a file."""
-NO_TABLE = "none"
-"""Value of --table where there is no table."""
+_WITH_BOX = 7  # count of the numbers of a body with the edges of its box
+BOX = 6  # count of the numbers of --box, and of a box in a file
+NO_TABLE = "none"  # value of --table where there is no table
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

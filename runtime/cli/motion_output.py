@@ -35,12 +35,10 @@ FROM = (
     "Present pose, from which the way to the start is planned under the same limits: home, one "
     "number per joint with commas (rad or m), or a log, whose last row counts."
 )
-EXPORT_MARGIN = 0.95
-"""Default share of the limits that an exported motion uses."""
+EXPORT_MARGIN = 0.95  # default share of the limits that an exported motion uses
 SAMPLED = ".motion.csv"
 """End of the name of the sampled motion, apart from that of the log of the same name."""
-ROWS_HZ = 1000.0
-"""Default rate of the sampled motion."""
+ROWS_HZ = 1000.0  # default rate of the sampled motion
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

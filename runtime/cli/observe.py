@@ -44,10 +44,8 @@ _WRITTEN = ResultFolder(
     ),
     "contacts",
 )
-RAISED = 2.0
-"""Threshold by a calibration over that without, from which it is said."""
-OFTEN = 2.0
-"""Expected over stated rate of false alarms from which it is said."""
+RAISED = 2.0  # threshold by a calibration over that without, from which it is said
+OFTEN = 2.0  # expected over stated rate of false alarms from which it is said
 SHOWN = 20
 
 

@@ -77,8 +77,7 @@ from runtime.simulation import sample_times
 
 MOST_ROWS = 300_000
 """Largest number of rows of a planned log; each takes 1 kB with the regressor of its blocks."""
-SAME = "same"
-"""Value of --more: the same motion again."""
+SAME = "same"  # value of --more: the same motion again
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

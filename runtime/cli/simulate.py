@@ -53,8 +53,7 @@ _ONLY_COMPILED = (
 )
 _ONLY_MUJOCO = ("payload", "virtual_robot", "truth_seed")
 
-LEAST_ROWS = 2
-"""Least number of samples that have a rate."""
+LEAST_ROWS = 2  # least number of samples that have a rate
 BESIDE = ".truth.json", ".motion.json", ".loop.toml"
 """Suffixes of the files beside a log: true parameters, reference motion, controller."""
 Loop = tuple[Controller, ArrayLike, float]

@@ -28,12 +28,10 @@ LARGEST_DOCUMENT = 2**26
 """Largest size of a document [bytes]; the largest that is written here has a few million."""
 LARGEST_JSON, LARGEST_TOML = 2**24, 2**22
 """Largest sizes of text that is parsed [characters]: a list takes up to 60 times its text."""
-_DIGITS = 19
-"""Largest number of digits of an integer that is read."""
+_DIGITS = 19  # largest number of digits of an integer that is read
 _KEY_PARTS = 32
 """Largest number of parts of a dotted key; the time to read one grows with their square."""
-_KEY_LENGTH = 1000
-"""Largest length of a key [characters]."""
+_KEY_LENGTH = 1000  # largest length of a key [characters]
 _TOML_LITERAL = re.compile(
     r'"""(?:[^\\]|\\.)*?(?:"""|\Z)|\'\'\'.*?(?:\'\'\'|\Z)|"(?:[^"\\\n]|\\.)*"?|\'[^\'\n]*\'?|#[^\n]*',
     re.DOTALL,

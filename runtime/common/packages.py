@@ -10,8 +10,7 @@ import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-DEPTH = 4
-"""Levels below a folder of packages at which package.xml is searched."""
+DEPTH = 4  # levels below a folder of packages at which package.xml is searched
 NAME = re.compile(r"[A-Za-z0-9][\w.-]*")
 
 

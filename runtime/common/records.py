@@ -32,8 +32,7 @@ Name = Annotated[str, Meta(min_length=1)]
 Factors = Annotated[dict[str, float], Meta(min_length=1)]
 Vector3 = tuple[float, float, float]
 NotNegative = Annotated[float, Meta(ge=0)]
-Positive = Annotated[float, Meta(gt=0)]
-"""Types of fields that stand in several records."""
+Positive = Annotated[float, Meta(gt=0)]  # types of fields that stand in several records
 
 _FAULT = re.compile(r"(?P<text>.*?)(?: - at (?:`key` in )?`(?P<path>[^`]*)`)?", re.DOTALL)
 _EXPECTED = re.compile(r"Expected (?P<kind>.+?)(?:, got .*)?", re.DOTALL)
@@ -41,8 +40,7 @@ _FIELD = re.compile(r"Object (?:contains unknown|missing required) field `(?P<na
 _STEP = re.compile(r"\.(?P<key>[^.\[]+)|\[(?P<index>\d+|\.\.\.)\]")
 _NAMES = {"str": "a text", "float": "a number", "int": "a whole number", "bool": "true or false",
           "array": "a list", "object": "a table", "null": "nothing"}  # fmt: skip
-_SHOWN = 60
-"""Characters of a value that a sentence shows."""
+_SHOWN = 60  # characters of a value that a sentence shows
 
 
 class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

@@ -34,19 +34,15 @@ from runtime.common.errors import RuntimeFault
 from runtime.common.files import tables_of, toml_of, toml_value, write_text
 from runtime.common.records import record_from_table
 
-FILE = "settings.toml"
-"""Name of the file beside a result."""
-CONSENT = "yes"
-"""Field that lets foreign code run: typed by the user, never taken from a file."""
+FILE = "settings.toml"  # name of the file beside a result
+CONSENT = "yes"  # field that lets foreign code run: typed by the user, never taken from a file
 data_option = partial(typer.Option, rich_help_panel="Data")
 model_option = partial(typer.Option, rich_help_panel="Model")
 output_option = partial(typer.Option, rich_help_panel="Output")
 """Choices by what they are for, the panel of the help; `typer.Option` is one of the method."""
 OTHER = "Method"
-_TYPER = "typer"
-"""Key of the metadata of a field: what Typer reads."""
-_WIDEST = 97
-"""Characters of a sentence in the file."""
+_TYPER = "typer"  # key of the metadata of a field: what Typer reads
+_WIDEST = 97  # characters of a sentence in the file
 
 
 def _choice(kind: Callable[..., Any]) -> Callable[..., Any]:

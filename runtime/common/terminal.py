@@ -20,8 +20,7 @@ console = Console()
 VERBOSE: ContextVar[bool] = ContextVar("VERBOSE", default=False)
 """Whether a command prints its details: --verbose, before or behind the command."""
 _NUMBER = re.compile(r"[-+−±<>]?\d.*|[-+−]?∞|[-–]?", re.DOTALL)
-_WIDEST = 40
-"""Characters of a word that a narrow terminal does not break."""
+_WIDEST = 40  # characters of a word that a narrow terminal does not break
 
 
 def say(text: str) -> None:

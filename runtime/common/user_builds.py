@@ -19,10 +19,8 @@ import platformdirs
 
 from runtime.common.files import json_of
 
-NAME = re.compile(r"[a-z][a-z0-9_]*")
-"""Name of a robot; any other word is the path of a folder."""
-DEFAULT_ROOT = Path("generated")
-"""Folder with one subfolder per robot."""
+NAME = re.compile(r"[a-z][a-z0-9_]*")  # name of a robot; any other word is the path of a folder
+DEFAULT_ROOT = Path("generated")  # folder with one subfolder per robot
 
 
 def is_safe_from_others(path: Path) -> bool:

@@ -34,10 +34,8 @@ ROS_RATE = 25.0
 Controllers join points by quintic polynomials through position, velocity and acceleration. Their
 error h⁶/46080 max|q⁽⁶⁾| is below 1e-6 rad for h = 40 ms. A YAML parser takes 2 s for 1000 points.
 """
-CONTROL_RATE = 1000
-"""Rate of libfranka's control cycle, Hz."""
-CERTIFICATE = ".certificate.json"
-"""End of the file name of the certificate."""
+CONTROL_RATE = 1000  # rate of libfranka's control cycle, Hz
+CERTIFICATE = ".certificate.json"  # end of the file name of the certificate
 
 
 @dataclass(frozen=True, slots=True)

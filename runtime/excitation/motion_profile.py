@@ -16,10 +16,8 @@ from runtime.excitation.limits.torque_limits import TorqueLimit
 from runtime.excitation.proof.certificate import KINDS, Certificate, CertifiedMotion
 from runtime.library import Array, Library
 
-SAMPLES = 1001
-"""Number of times over the motion; with the ends and the middle."""
-_EDGE = 201
-"""Number of points of the velocity bound over a range."""
+SAMPLES = 1001  # number of times over the motion; with the ends and the middle
+_EDGE = 201  # number of points of the velocity bound over a range
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,27 +33,18 @@ SIDES = {"below": -1.0, "above": 1.0}
 """Side from which all joints reach a pose, and the sign of the start of that approach."""
 ROUNDING = 1e-10
 """Pivot, over the largest, that counts as zero: 1e-16 of rounding times a condition of 1e6."""
-APPROACH = 0.05
-"""Longest approach of a joint [rad, m]: beyond the backlash of usual gears."""
-APPROACH_SHARE = 0.02
-"""Longest approach as a share of the joint's range."""
-ATTEMPTS = 200_000
-"""Number of random poses that are tried before the robot counts as blocked."""
+APPROACH = 0.05  # longest approach of a joint [rad, m]: beyond the backlash of usual gears
+APPROACH_SHARE = 0.02  # longest approach as a share of the joint's range
+ATTEMPTS = 200_000  # number of random poses that are tried before the robot counts as blocked
 _CHUNK = 4096
-_WAY = (-1.0, -0.5, 0.0, 0.5, 1.0)
-"""Checked points of the approach, in units of s."""
+_WAY = (-1.0, -0.5, 0.0, 0.5, 1.0)  # checked points of the approach, in units of s
 RIDGE = 1e-9
 """Information added to every unknown, over the mean one: sets that lack one stay comparable."""
-GAIN = 1e-6
-"""Relative decrease of the trace below which an exchange does not count."""
-SWEEPS = 30
-"""Largest number of sweeps over all poses; usually six are enough."""
-CANDIDATES = 1000
-"""Number of feasible poses among which the design chooses."""
-RANDOM_SETS = 50
-"""Number of random sets of as many poses, to which the design is compared."""
-MOST_POSES = 500
-"""Largest number of poses; a person or a servo arm needs hours for as many."""
+GAIN = 1e-6  # relative decrease of the trace below which an exchange does not count
+SWEEPS = 30  # largest number of sweeps over all poses; usually six are enough
+CANDIDATES = 1000  # number of feasible poses among which the design chooses
+RANDOM_SETS = 50  # number of random sets of as many poses, to which the design is compared
+MOST_POSES = 500  # largest number of poses; a person or a servo arm needs hours for as many
 VISITS = 2
 
 

@@ -21,8 +21,7 @@ from runtime.excitation.search.design_settings import LONGEST
 from runtime.excitation.search.prediction import Prediction
 from runtime.library import Library
 
-LARGEST_NUMBER = 1e6
-"""Largest number of a trajectory that is read, in SI units."""
+LARGEST_NUMBER = 1e6  # largest number of a trajectory that is read, in SI units
 
 
 def write_trajectory(

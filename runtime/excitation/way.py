@@ -34,18 +34,13 @@ from runtime.excitation.proof.certificate import PLACES, Certificate, certificat
 from runtime.excitation.search.design_settings import LONGEST
 from runtime.library import Array, Library, Mask
 
-STEP = 0.03
-"""Largest step of a joint between two examined poses [rad, m]."""
+STEP = 0.03  # largest step of a joint between two examined poses [rad, m]
 SPARE = 0.05
 """Share of a limit, or distance in 0.1 m, that paths keep beyond the margins where they can."""
-REACH = 0.5
-"""Longest edge of a tree, largest step of a joint [rad, m]."""
-MOST_POSES = 4000
-"""Number of random poses after which no way is expected."""
-SHORTCUTS = 150
-"""Number of random shortcuts that are tried."""
-RANGE = np.pi
-"""Range on both sides of the ends for joints without limits [rad, m]."""
+REACH = 0.5  # longest edge of a tree, largest step of a joint [rad, m]
+MOST_POSES = 4000  # number of random poses after which no way is expected
+SHORTCUTS = 150  # number of random shortcuts that are tried
+RANGE = np.pi  # range on both sides of the ends for joints without limits [rad, m]
 
 
 class FreePoses:
@@ -203,19 +198,15 @@ def places(corners: Array, length: Array) -> Array:
     return np.stack([np.interp(length, known, column) for column in corners.T], axis=1)
 
 
-PATHS = 4
-"""Number of paths with corners that are made; the shortest motion is taken."""
+PATHS = 4  # number of paths with corners that are made; the shortest motion is taken
 POINTS = (8, 16, 32, 64, 128)
 """Numbers of control points that are tried in turn on a way with corners."""
-SAMPLES = 400
-"""Number of poses of a rounded way that are examined before its certificate."""
+SAMPLES = 400  # number of poses of a rounded way that are examined before its certificate
 TIMED = (*("velocity", DEPENDENT[1], "acceleration", "jerk"), *("torque rate", "tip speed"))
 """Limits that a longer duration keeps; they keep the share of the motion."""
-SHORTEST = 0.2
-"""Shortest way [s]."""
+SHORTEST = 0.2  # shortest way [s]
 _ATTEMPTS = 40
-_SLOWER = (1.02, 1.5)
-"""Least and largest factor of the duration from one attempt to the next."""
+_SLOWER = (1.02, 1.5)  # least and largest factor of the duration from one attempt to the next
 
 
 @dataclass(frozen=True, slots=True)

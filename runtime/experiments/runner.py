@@ -22,8 +22,7 @@ from runtime.parallel import on_cluster
 
 MISSING, PARTIAL, DONE, DIFFERS = "missing", "partial", "done", "hash differs"
 
-DEFAULT_TRIALS = 150
-"""Number of Monte Carlo trials of the document."""
+DEFAULT_TRIALS = 150  # number of Monte Carlo trials of the document
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,8 +15,7 @@ import numpy as np
 
 from runtime.library import Array, Library
 
-FORMAT = 1
-"""Format number of all files; it is part of the config hash."""
+FORMAT = 1  # format number of all files; it is part of the config hash
 
 Row = dict[str, Any]
 """One row of trials.parquet: case, method, trial, then metrics by name; `curve` is a list."""
@@ -117,8 +116,7 @@ def config_hash(facts: Mapping[str, Any], model_hash: str, needed: Arrays) -> st
 TORQUE = tuple(f"tau_error_{joint}" for joint in range(1, 8))
 """Rows of the tables of torque errors in the document."""
 
-MOTION = ("t", "q", "dq", "ddq", "tau")
-"""Series of a motion, without the prefix of the motion."""
+MOTION = ("t", "q", "dq", "ddq", "tau")  # series of a motion, without the prefix of the motion
 
 
 def torque_table(name: str, title: str, cases: tuple[str, ...]) -> View:

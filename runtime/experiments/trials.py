@@ -46,10 +46,8 @@ def document_robot(lib: Library) -> Array:
     return np.concatenate([lib.pi0[: -len(LINK_7)], LINK_7])
 
 
-PULSATION = 2.0
-"""Angular frequency of Eq. 5.5 [rad/s]."""
-ROLES = ("training", "validation", "test")
-"""Roles of the three best designs, best first."""
+PULSATION = 2.0  # angular frequency of Eq. 5.5 [rad/s]
+ROLES = ("training", "validation", "test")  # roles of the three best designs, best first
 
 
 def designed(lib: Library, needed: Arrays) -> list[Trajectory]:
@@ -159,8 +157,7 @@ def torque_rms(tau: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(tau**2, axis=0)))
 
 
-LINK = 6
-"""Index of link 7, from 0."""
+LINK = 6  # index of link 7, from 0
 
 
 def link_rows(lib: Library) -> Mask:
@@ -221,8 +218,7 @@ def _require_uninterrupted(fits: Sequence[Fit]) -> None:
         raise KeyboardInterrupt
 
 
-GUESS, NOISE, HELD_NOISE, BATCHES = range(4)
-"""Random streams of a trial."""
+GUESS, NOISE, HELD_NOISE, BATCHES = range(4)  # random streams of a trial
 METHODS = {
     "adam": "λ-Adam on mini-batches with the settings of Table 5.1; improvements of the validation "
     "loss count from 2e-6 on, which the document does not state; thin axes are raised at the end",
@@ -330,8 +326,7 @@ def _noisy(samples: Samples, sigma: float, seed: int, number: int, which: int) -
     return replace(samples, tau=samples.tau + sigma * noise)
 
 
-TimedFit = tuple[Fit, float, list[float]]
-"""A fit, its time [s], and its AIRM over the iterations."""
+TimedFit = tuple[Fit, float, list[float]]  # a fit, its time [s], and its AIRM over the iterations
 
 
 def _preset(preset: Preset, method: str) -> Preset:

@@ -316,8 +316,7 @@ def stated(plan: Recipe, findings: list[Finding]) -> tuple[Recipe, list[Finding]
 _CLOCK_STUB = """[time]
 # The rate of the logger, which the files do not contain:
 # rate_hz ="""
-MOST_FILES = 12
-"""Files of a folder whose columns a skeleton lists."""
+MOST_FILES = 12  # files of a folder whose columns a skeleton lists
 
 
 def recipe_text(inspection: Inspection) -> str:

@@ -29,8 +29,7 @@ from runtime.recording.reader import Raw, recording_of
 from runtime.recording.rest_speeds import as_rest_speed
 from runtime.recording.settings import names_where
 
-_LOWERED = 5
-"""Largest number of lower cut-offs that are tried."""
+_LOWERED = 5  # largest number of lower cut-offs that are tried
 WORSE = 0.05
 """Excess of a candidate's score over the best one up to which it may replace the chosen one."""
 ROTORS = 0.7

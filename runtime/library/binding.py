@@ -113,10 +113,8 @@ LEVELS = ("casadi", "portable", "v2", "v3", "v4", "neon")
 
 Sorted: a processor that runs one runs those before it."""
 
-DOUBLE = 8
-"""Bytes of a number."""
-PART = 4096
-"""Samples per piece of a batch. Sums go piece by piece and do not depend on the threads."""
+DOUBLE = 8  # bytes of a number
+PART = 4096  # samples per piece of a batch; sums go piece by piece, whatever the threads
 THREAD_OPERATIONS = 2e7
 """Operations per thread, about a millisecond; below it a thread costs more than it saves."""
 

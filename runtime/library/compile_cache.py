@@ -46,8 +46,7 @@ from runtime.common.threads import cores
 from runtime.common.user_builds import is_safe_from_others
 from runtime.errors import CompilerError, LibraryError
 
-REFERENCE = "casadi"
-"""Level that the others are compared with; compiled only on request."""
+REFERENCE = "casadi"  # level that the others are compared with; compiled only on request
 
 _FLAGS = (
     r"-std=c99|-fPIC|-fno-math-errno|-fno-trapping-math|-O[0-3]|-shared|-lm"
@@ -140,10 +139,8 @@ def require_intact(folder: Path, recipe: CompileRecipe, names: Iterable[str] = (
             )
 
 
-KEPT = 3
-"""Number of libraries per robot that are kept regardless of their age."""
-UNUSED_S = 30 * 86400.0
-"""Time without use after which another library is deleted [s]."""
+KEPT = 3  # number of libraries per robot that are kept regardless of their age
+UNUSED_S = 30 * 86400.0  # time without use after which another library is deleted [s]
 _ELSEWHERE = "set SYMGEN_CACHE to a folder that can be written"
 
 

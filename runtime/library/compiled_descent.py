@@ -22,8 +22,7 @@ PATIENCE, DIVERGED, CONVERGED, STALLED = 1, 2, 3, 4
 _GROWTH = 2.0
 
 _POINTER, _LONGS = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_long)
-_DESCENT = (ctypes.c_void_p, ctypes.c_long, ctypes.c_long)
-"""Jobs, their number, and iterations."""
+_DESCENT = (ctypes.c_void_p, ctypes.c_long, ctypes.c_long)  # jobs, their number, and iterations
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -18,8 +18,7 @@ from runtime.errors import ShapeError
 from runtime.library.arrays import Array
 from runtime.library.manifest import Manifest
 
-FREEDOM = 6
-"""Rows of the base."""
+FREEDOM = 6  # rows of the base
 ROWS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
 """Names of the rows of the base, in its axes."""
 

@@ -14,8 +14,7 @@ from runtime.library.arrays import Array
 PI_NAMES = ("m", "mX", "mY", "mZ", "XX", "YY", "ZZ", "XY", "XZ", "YZ")
 LAM_NAMES = ("mu", "x", "y", "z", "omega_1", "omega_2", "omega_3", "a", "b", "c")
 PINOCCHIO_NAMES = ("m", "mX", "mY", "mZ", "XX", "XY", "YY", "XZ", "YZ", "ZZ")
-N_PARAMETERS = len(PI_NAMES)
-"""Parameters of one body, in π as in λ."""
+N_PARAMETERS = len(PI_NAMES)  # parameters of one body, in π as in λ
 MASS, FIRST_MOMENT, INERTIA = 0, slice(1, 4), slice(4, N_PARAMETERS)
 """Places of m, m·c and (XX, YY, ZZ, XY, XZ, YZ) in π of one body."""
 INERTIA_ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))

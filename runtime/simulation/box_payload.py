@@ -10,8 +10,7 @@ from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 
-LARGEST_PAYLOAD = 1e6
-"""Largest number of a payload that is read, kg and m."""
+LARGEST_PAYLOAD = 1e6  # largest number of a payload that is read, kg and m
 
 
 class Box(Record, frozen=True):

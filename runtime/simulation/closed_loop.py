@@ -37,8 +37,7 @@ from runtime.simulation.plant import (
 LONGEST_SUBSTEP = 2e-4
 """Longest integration step of the plant, s; one step leaves an error of order h³."""
 
-_CHUNK = 500
-"""Periods between two reports of progress, at which Ctrl-C is handled too."""
+_CHUNK = 500  # periods between two reports of progress, at which Ctrl-C is handled too
 
 
 def perturbed_lam(lib: Library, p: float, rng: np.random.Generator) -> Array:

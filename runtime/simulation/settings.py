@@ -29,8 +29,7 @@ from runtime.library import Array, Library
 from runtime.simulation.plant import per_joint
 
 FOLDER = Path(__file__).parent / "robots"
-_WHOLE = 1e-6
-"""Relative tolerance of a number of steps, for the rounding of decimals."""
+_WHOLE = 1e-6  # relative tolerance of a number of steps, for the rounding of decimals
 
 
 @dataclass(frozen=True, slots=True)

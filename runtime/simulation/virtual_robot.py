@@ -110,12 +110,9 @@ class Encoders:
         return measured, self._speed
 
 
-ASTRAY = 0.5
-"""Distance from the reference at which the simulation is stopped, rad or m."""
-_THINNEST = 1e-12
-"""Least eigenvalue of a drawn pseudo-inertia over the largest."""
-_CHUNK = 500
-"""Ticks between two reports of progress, at which Ctrl-C is handled too."""
+ASTRAY = 0.5  # distance from the reference at which the simulation is stopped, rad or m
+_THINNEST = 1e-12  # least eigenvalue of a drawn pseudo-inertia over the largest
+_CHUNK = 500  # ticks between two reports of progress, at which Ctrl-C is handled too
 
 
 @dataclass(frozen=True, slots=True)

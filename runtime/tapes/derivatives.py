@@ -14,10 +14,8 @@ from typing import Any
 
 from runtime.library import Library
 
-Tensor = Any
-"""Array of torch or JAX."""
-Call = Callable[..., Sequence[Tensor]]
-"""Outputs of a kernel: name, then its inputs."""
+Tensor = Any  # array of torch or JAX
+Call = Callable[..., Sequence[Tensor]]  # outputs of a kernel: name, then its inputs
 
 DIFFERENTIABLE = {
     *("inverse_dynamics", "bias_forces", "mass_matrix", "forward_dynamics"),

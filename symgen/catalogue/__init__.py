@@ -51,8 +51,7 @@ _LARGE = {
     "slotine_li_regressor": "use regressor",
 }
 
-LONG = 6000
-"""Operations above which a kernel of a large robot has no vector code."""
+LONG = 6000  # operations above which a kernel of a large robot has no vector code
 _NO_SUMS = {"loss_gradient": "use base_regressor, or a method on compressed data such as map"}
 """Kernels that exist as vector code only, because a batch adds up their outputs."""
 

@@ -14,8 +14,7 @@ from symgen.mechanics import dynamics, kinematics, passive
 from symgen.mechanics.base_parameters import BaseParameters, regrouped
 from symgen.mechanics.inertia import N_PARAMETERS as P
 
-STATE = ("q", "dq", "ddq", "dddq", "ddddq")
-"""Positions and their time derivatives."""
+STATE = ("q", "dq", "ddq", "dddq", "ddddq")  # positions and their time derivatives
 
 
 def motion_kernels(

@@ -31,10 +31,8 @@ from symgen.errors import UrdfError
 
 Array = NDArray[np.float64]
 
-_NEAR = 1e-3
-"""m, rad between two frames at the start, below which they are meant to coincide."""
-_ASIDE = 0.05
-"""rad, m: how far poses beside the assembly pose are."""
+_NEAR = 1e-3  # m, rad between two frames at the start, below which they are meant to coincide
+_ASIDE = 0.05  # rad, m: how far poses beside the assembly pose are
 _POSES = 3
 _MOST_CHOICES = 20_000
 _DIGITS = 12
@@ -43,8 +41,7 @@ CLOSED = 1e-10
 """Distance of two frames [m, rad] that counts as closed; Newton ends at rounding error."""
 SINGULAR = 1e-6
 """Singular value of ∂φ/∂x, relative to the largest, below which a direction counts as lost."""
-_NEWTON, _LONGEST = 60, 0.3
-"""Iterations of Newton; longest step in a joint, rad or m."""
+_NEWTON, _LONGEST = 60, 0.3  # iterations of Newton; longest step in a joint, rad or m
 _EYE = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 

@@ -17,8 +17,7 @@ from symgen.errors import UrdfError
 MatrixRows = tuple[tuple[float, ...], ...]
 Vector = tuple[float, ...]
 
-_FACTORS = (1e-9, 1e9)
-"""Sizes of factors other than 0: products and quotients of others overflow."""
+_FACTORS = (1e-9, 1e9)  # sizes of factors other than 0: products and quotients of others overflow
 _SINGULAR = 1e-9
 """Reciprocal condition below which named independent joints do not determine the others."""
 

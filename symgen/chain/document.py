@@ -15,10 +15,8 @@ from defusedxml.ElementTree import fromstring
 
 from symgen.errors import UrdfError
 
-MOVING = ("revolute", "continuous", "prismatic")
-"""Types of joints that can be modelled as moving."""
-_UNBOUND = 27
-"""Code of expat for a prefix without xmlns."""
+MOVING = ("revolute", "continuous", "prismatic")  # types of joints that can be modelled as moving
+_UNBOUND = 27  # code of expat for a prefix without xmlns
 _FIRST = re.compile(
     r"\ufeff?(?:\s+|<\?.*?\?>|<!--.*?-->|<![A-Za-z][^>\[]*(?:\[.*?\]\s*)?>)*+<([A-Za-z_][\w.:-]*)",
     re.DOTALL,

@@ -9,14 +9,10 @@ from symgen.chain.coupling import Coupling, MatrixRows, Vector
 from symgen.chain.mechanism import Mechanism
 from symgen.errors import UrdfError
 
-LARGE = 20
-"""Moving bodies above which a robot is large."""
-FLOATING = "floating"
-"""Kind of the joint of a free base."""
-BASE_JOINT = "root_joint"
-"""Name of the joint of a free base."""
-BASE_FREEDOM = 6
-"""Degrees of freedom of a free base."""
+LARGE = 20  # moving bodies above which a robot is large
+FLOATING = "floating"  # kind of the joint of a free base
+BASE_JOINT = "root_joint"  # name of the joint of a free base
+BASE_FREEDOM = 6  # degrees of freedom of a free base
 ROUNDING = 1e-12
 """Distance from 0 or ±1 within which entries of rotations, axes and translations are snapped."""
 

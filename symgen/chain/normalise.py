@@ -16,8 +16,7 @@ from symgen.chain.document import MOVING, Document, add_origin, axis_of, listing
 from symgen.chain.mechanism import Mechanism
 from symgen.errors import UrdfError
 
-GRAVITY = (0.0, 0.0, -9.81)
-"""Gravity of a build by default, in the frame of the root link [m/s²]."""
+GRAVITY = (0.0, 0.0, -9.81)  # gravity of a build by default, in the frame of the root link [m/s²]
 _FAR = 0.05
 """Difference of gravity, m/s², above which it is noted: more than that of any two places."""
 _HALF_PI = math.pi / 2

@@ -36,18 +36,13 @@ from symgen.chain.model import (
 from symgen.chain.normalise import ChainOptions, normalise
 from symgen.errors import UrdfError
 
-GIVEN = "given mass"
-"""Origin of a body whose mass was stated."""
-PLACEHOLDER = "placeholder"
-"""Origin of a body whose mass is not stated anywhere."""
-MASSLESS = "no mass"
-"""Origin of the speck that stands for a link without mass."""
+GIVEN = "given mass"  # origin of a body whose mass was stated
+PLACEHOLDER = "placeholder"  # origin of a body whose mass is not stated anywhere
+MASSLESS = "no mass"  # origin of the speck that stands for a link without mass
 MASSLESS_KG = 1e-9
 """Mass of a speck, kg: a millionth of a gram, far below the rounding of any torque."""
-PLACEHOLDER_MASS = 1.0
-"""Mass of a placeholder, kg."""
-_LEAST_RADIUS = 0.05
-"""Least radius of a body, m: about that of a robot's wrist."""
+PLACEHOLDER_MASS = 1.0  # mass of a placeholder, kg
+_LEAST_RADIUS = 0.05  # least radius of a body, m: about that of a robot's wrist
 
 
 def require_bare(document: Document, link: str, option: str) -> None:
@@ -124,8 +119,7 @@ def _write_body(document: Document, link: str, mass: float) -> None:
     add_inertial(document.links[link], mass, p / 2, inertia)
 
 
-MOST_JOINTS = 100
-"""Largest number of moving joints; the C code grows with its square."""
+MOST_JOINTS = 100  # largest number of moving joints; the C code grows with its square
 
 
 def read_chain(text: str, options: ChainOptions | None = None) -> Chain:

@@ -23,8 +23,7 @@ BUILD_LIBRARIES = frozenset({"casadi", "pinocchio", "coal"})
 PURPOSES = {"inspect": "inspecting a robot model", "proxies": "fitting capsules to a robot"}
 """What needs them, by command; every other command writes the C code of a robot."""
 
-AGAIN_S = 0.002
-"""Time after which an interrupt within CasADi is repeated, s."""
+AGAIN_S = 0.002  # time after which an interrupt within CasADi is repeated, s
 
 
 class BuildCommands(Commands):

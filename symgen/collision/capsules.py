@@ -20,16 +20,12 @@ from symgen.collision.geometry import Capsule, LinkGeometry
 from symgen.collision.model import Proxy
 from symgen.kernel import Array
 
-GRAIN = 1e-4
-"""Grid of the ends and radii, m; radii are rounded up."""
-LEAST_SAVING = 1 / 6
-"""Part of the volume that one more capsule must save."""
-_ROUNDS = 8
-"""Largest number of reassignments of triangles; three or four suffice."""
+GRAIN = 1e-4  # grid of the ends and radii, m; radii are rounded up
+LEAST_SAVING = 1 / 6  # part of the volume that one more capsule must save
+_ROUNDS = 8  # largest number of reassignments of triangles; three or four suffice
 _CONSTRAINED = 400
 """Largest number of points for SLSQP; the radius is then checked with all of them."""
-_POINT = 1e-9
-"""Radius of the sphere that represents a point, m."""
+_POINT = 1e-9  # radius of the sphere that represents a point, m
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,8 +20,7 @@ from symgen.mechanics.spatial import Pose
 
 _PARALLEL = 1e-12
 """Sine² of the angle below which two segments count as parallel: rounding of their directions."""
-_CROSSING = 1e-12
-"""m; axes closer than this have no direction from one to the other."""
+_CROSSING = 1e-12  # m; axes closer than this have no direction from one to the other
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,10 +20,8 @@ from symgen.kernel import Array
 
 FARTHEST = 10.0
 """Largest coordinate of a shape in the frame of its link, m; beyond it a mesh is in mm."""
-EDGE = 0.02
-"""Longest edge of a triangle after cutting, m."""
-_CORNERS = 32
-"""Corners of the polygon around a circle."""
+EDGE = 0.02  # longest edge of a triangle after cutting, m
+_CORNERS = 32  # corners of the polygon around a circle
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,10 +15,8 @@ from runtime.common.files import toml_value
 from runtime.common.records import Record, Vector3
 from symgen.errors import CollisionError
 
-BASE = "base"
-"""Name of the fixed base in proxies, whatever the base link is called."""
-MARGIN = 0.02
-"""Distance that two proxies keep where there is room for it, m."""
+BASE = "base"  # name of the fixed base in proxies, whatever the base link is called
+MARGIN = 0.02  # distance that two proxies keep where there is room for it, m
 Word = Annotated[
     str, Meta(pattern=r'\A[^"\\]+\Z', description="a text without quotes and backslashes")
 ]

@@ -25,14 +25,10 @@ from symgen.kernel import Array
 from symgen.mechanics.closure import supplied
 from symgen.mechanics.kinematics import link_poses
 
-FAR = 0.005
-"""Distance above the margin that a pair must always keep to be left out, m."""
-SPARE = 2e-3
-"""Reserve of a margin that is determined from sampled postures, m."""
-_POSTURES = 4000
-"""Random postures."""
-_DESCENTS = 3
-"""Descents per pair."""
+FAR = 0.005  # distance above the margin that a pair must always keep to be left out, m
+SPARE = 2e-3  # reserve of a margin that is determined from sampled postures, m
+_POSTURES = 4000  # random postures
+_DESCENTS = 3  # descents per pair
 
 
 @dataclass(frozen=True, slots=True)

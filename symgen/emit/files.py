@@ -58,12 +58,9 @@ from symgen.emit.ssa import TileProgram
 from symgen.errors import BuildError
 from symgen.kernel import Argument, Kernel
 
-NUMBER = 8
-"""Bytes of a double."""
-ROW = 64
-"""Bytes of one row of a tile."""
-BLOCK = 4
-"""Tiles whose sines are computed together."""
+NUMBER = 8  # bytes of a double
+ROW = 64  # bytes of one row of a tile
+BLOCK = 4  # tiles whose sines are computed together
 FRAMES = 4096
 """Bytes of saved registers, alignment and loop counters of all functions in a chain of calls.
 
@@ -162,8 +159,7 @@ PRECISIONS = {"double": DOUBLE, "single": Numbers("float", "{}f", "f")}
 """Numbers of a microcontroller."""
 SHARED_MEMORY = 24576
 """Bytes of rows that a block keeps in shared memory, half of what every device has."""
-WHOLE = 16
-"""Rows are padded to as many bytes: four numbers in single precision load as one."""
+WHOLE = 16  # rows are padded to as many bytes: four numbers in single precision load as one
 
 
 def cuda_context(name: str, kernels: tuple[Kernel, ...]) -> dict[str, Any]:

@@ -20,12 +20,9 @@ from symgen.kernel import Argument, Kernel
 Kernels = dict[str, Kernel]
 Tiles = dict[str, TileProgram]
 
-LANES = 8
-"""Samples, or links, of a tile: LANES of lanes.h."""
-_SIDE = 4
-"""Rows and columns of a block of the Gram matrix."""
-PANEL = 8
-"""Largest number of columns of a panel: they stay in the first-level cache while applied."""
+LANES = 8  # samples, or links, of a tile: LANES of lanes.h
+_SIDE = 4  # rows and columns of a block of the Gram matrix
+PANEL = 8  # largest number of columns of a panel: they stay in the first-level cache while applied
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,12 +20,9 @@ from symgen.emit.ssa import EXPRESSIONS, c_constant
 from symgen.errors import BuildError
 from symgen.kernel import Kernel
 
-SHORT = 100
-"""Characters of an expression that may stand where it is read."""
-LONG = 2400
-"""Statements above which a body is split; arms of seven joints stay whole."""
-PART = 600
-"""Statements of a part: compilers take about as long per statement as in short functions."""
+SHORT = 100  # characters of an expression that may stand where it is read
+LONG = 2400  # statements above which a body is split; arms of seven joints stay whole
+PART = 600  # statements of a part: compilers take about as long per statement as in short functions
 
 
 @dataclass(frozen=True)

@@ -81,8 +81,7 @@ LATENCY = 4
 """Cycles until the result of a multiplication or addition is available (current processors)."""
 LONGER = {"vd_sincos(": 60, "vd_exp(": 60, "vd_sqrt(": 20, "1.0 / ": 13}
 """Cycles of statements that contain these texts; the functions are those of lanes.h."""
-ISSUE = 2
-"""Multiplications that start per cycle."""
+ISSUE = 2  # multiplications that start per cycle
 ALIVE = 28
 """Live values above which a statement that frees registers goes first; AVX-512 has 32 registers."""
 

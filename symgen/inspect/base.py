@@ -19,14 +19,10 @@ from symgen.mechanics.base_parameters import BaseParameters, numeric_base
 from symgen.mechanics.combination import describe_combination
 from symgen.mechanics.dynamics import sampled_regressor
 
-SNAP = 1e-4
-"""Error of rounded angles, rad, up to which the rank is decided on exact ones."""
-EXACT = 1e-9
-"""Distance from a multiple of π/2, rad, below which an angle has enough digits."""
-MOST_JOINTS = 24
-"""Largest number of moving joints; beyond it the symbolic regressor takes minutes."""
-_STATES = 400
-"""Random states for the condition number and the weights of torques."""
+SNAP = 1e-4  # error of rounded angles, rad, up to which the rank is decided on exact ones
+EXACT = 1e-9  # distance from a multiple of π/2, rad, below which an angle has enough digits
+MOST_JOINTS = 24  # largest number of moving joints; beyond it the symbolic regressor takes minutes
+_STATES = 400  # random states for the condition number and the weights of torques
 _P = inertia.N_PARAMETERS
 
 

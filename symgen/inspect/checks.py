@@ -23,24 +23,19 @@ from symgen.mechanics.inertia import REALISABLE_TOLERANCE
 
 FRAME = 1e-6
 """Mass up to which a link without inertia is a frame, kg: some tools refuse links without one."""
-OSMIUM = 22590.0
-"""Density of the densest element, kg/m³."""
-FOAM = 20.0
-"""Density of packing foam, kg/m³: mass spread wider than that is not a robot's link."""
+OSMIUM = 22590.0  # density of the densest element, kg/m³
+FOAM = 20.0  # density of packing foam, kg/m³: mass spread wider than that is not a robot's link
 USUAL = (100.0, 12000.0)
 """Densities of robot links including motors and gears, kg/m³, to detect shifted decimal points."""
 DECIMALS = (-1, 1, -2, 2, -3, 3, -4, 4, -5, 5, -6, 6)
 """Powers of ten that a shifted decimal point may amount to."""
-STRETCH = 1.2
-"""Factor by which a body may exceed its shapes, since hulls are coarse."""
+STRETCH = 1.2  # factor by which a body may exceed its shapes, since hulls are coarse
 TREE_STRETCH = 3.0
 """The same factor where the size of a link is known from the distances of its joints only."""
 FLAT = 1e-6
 """Smallest over largest spread of a mass below which it has no thickness: rounding of a file."""
-STUB = 0.1
-"""Smallest length of a link relative to the sum of all (joints of a wrist coincide)."""
-TURNS = 20.0
-"""Largest plausible limit, rad, about three turns: larger ones are usually in degrees."""
+STUB = 0.1  # smallest length of a link relative to the sum of all (joints of a wrist coincide)
+TURNS = 20.0  # largest plausible limit, rad, about three turns: larger ones are usually in degrees
 
 
 def _ellipsoid_density(body: Body) -> float:
@@ -301,10 +296,8 @@ _COUNTS = 0.005  # of the trace for products, of the size for offsets: above it 
 
 SHARE = 0.1
 """Least share of m|c|² in tr Σ for which the centre of mass and the link origin differ enough."""
-EDGE = 1e-3
-"""|λ_min(Σ − m c cᵀ)| / tr Σ below which Σ is that of a flat body shifted to the origin."""
-ENOUGH = 3
-"""Least number of links that must look shifted before all of a robot are reported."""
+EDGE = 1e-3  # |λ_min(Σ − m c cᵀ)| / tr Σ below which Σ is that of a flat body shifted to the origin
+ENOUGH = 3  # least number of links that must look shifted before all of a robot are reported
 
 
 def comparison_warnings(model: Model) -> list[Finding]:

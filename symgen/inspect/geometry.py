@@ -24,16 +24,12 @@ from runtime.common.packages import folders_of_package
 from symgen.inspect.model import Body, Link, Model, Shape
 from symgen.kernel import Array
 
-LARGEST_MESH = 200 * 2**20
-"""Largest size of a mesh file that is read, bytes."""
-_ROUND = 32
-"""Points on a circle."""
-INDICES = frozenset({"p", "ph", "h", "v", "vcount"})
-"""Elements that hold integers."""
+LARGEST_MESH = 200 * 2**20  # largest size of a mesh file that is read, bytes
+_ROUND = 32  # points on a circle
+INDICES = frozenset({"p", "ph", "h", "v", "vcount"})  # elements that hold integers
 FLOATS = frozenset({"float_array", "matrix", "translate", "rotate", "scale", "lookat", "skew"})
 """Elements that hold floating-point numbers."""
-DEEPEST = 200
-"""Largest depth of elements; exporters write about ten levels."""
+DEEPEST = 200  # largest depth of elements; exporters write about ten levels
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -19,8 +19,7 @@ from symgen.inspect.repair import Repair, repair, with_bodies
 from symgen.ros.packages import Packages
 from symgen.sources import Source, read_source, urdf_text
 
-INERTIAL = frozenset({"triangle", "zero-inertia"})
-"""Kinds of errors that a repair removes."""
+INERTIAL = frozenset({"triangle", "zero-inertia"})  # kinds of errors that a repair removes
 _FINDING = ("severity", "kind", "where", "found", "expected", "sentence")
 _CONVERTED = {"xacro": "xacro", "toml": "DH", "sdf": "SDF", "mujoco": "MJCF"}
 """Formats that are checked as the URDF that a build makes of them."""

@@ -11,10 +11,8 @@ import numpy as np
 from symgen.kernel import Array
 from symgen.mechanics import inertia
 
-ERROR = "error"
-"""Severity of a value that is physically impossible."""
-WARNING = "warning"
-"""Severity of a value that is possible, but probably not intended."""
+ERROR = "error"  # severity of a value that is physically impossible
+WARNING = "warning"  # severity of a value that is possible, but probably not intended
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,8 +103,7 @@ def pi_of(pseudo: Array) -> Array:
     return np.asarray(ca.DM(pi), dtype=float).ravel()
 
 
-POINT = 1e-6
-"""Size below which a body with mass counts as a point, m."""
+POINT = 1e-6  # size below which a body with mass counts as a point, m
 
 
 @dataclass(frozen=True, slots=True, eq=False)

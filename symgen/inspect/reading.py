@@ -23,10 +23,8 @@ _SIZES = {
     "capsule": (("radius", 1), ("length", 1)),
     "sphere": (("radius", 1),),
 }
-HUGE = 1e9
-"""Largest length, mass or inertia that is read (SI); products of larger ones overflow."""
-SPECK = 1e-9
-"""Smallest mass other than zero that is read, kg; quotients by smaller ones overflow."""
+HUGE = 1e9  # largest length, mass or inertia that is read (SI); products of larger ones overflow
+SPECK = 1e-9  # smallest mass other than zero that is read, kg; quotients by smaller ones overflow
 _ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _COMPILES = "expected a file that compiles"
 

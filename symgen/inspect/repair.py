@@ -92,8 +92,7 @@ def _digits(value: float) -> str:
     return repr(float(value) + 0.0)  # the shortest text that reads back to the same number
 
 
-FLOOR = 1e-2
-"""ε: P ⪰ FLOOR · P_ref keeps at least this part of a reference body in every direction."""
+FLOOR = 1e-2  # ε: P ⪰ FLOOR · P_ref keeps at least this part of a reference body in every direction
 THIN = 1e-2
 """Least eigenvalue of Σ_com over their sum of the reference body of an inconsistent link."""
 ROUND = 0.1

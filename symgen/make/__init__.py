@@ -2,10 +2,8 @@
 
 from pathlib import Path
 
-VERSION = "0.1.0"
-"""Version of symgen."""
-ROBOTS = Path(__file__).parents[1] / "robots"
-"""Folder with a URDF and a configuration per robot."""
+VERSION = "0.1.0"  # version of symgen
+ROBOTS = Path(__file__).parents[1] / "robots"  # folder with a URDF and a configuration per robot
 
 
 def bundled_robots() -> list[str]:

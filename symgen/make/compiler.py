@@ -38,8 +38,7 @@ Warnings are off: the tests compile with all of them, and they cost GCC a second
 """
 PLAIN = ("-O1",)
 """Level for code on one or two numbers at a time, which gains nothing from more (measured)."""
-WIDE = ("-O2",)
-"""Level for code on wide vectors."""
+WIDE = ("-O2",)  # level for code on wide vectors
 VECTOR_FLAGS = (
     "-ffp-contract=fast",  # fused multiply-add, which ISO C turns off by itself
     "-fno-tree-vectorize",  # the vectors are there already; looking for more costs compile time
@@ -82,8 +81,7 @@ kernels become 5 % faster, those that store blocks of Jacobians up to 4 % slower
 stay: without -fdse at -O2 tiles are stored a quarter slower, without -fipa-cp they are loaded a
 tenth slower. -O1 in place of -O2 makes kernels up to 40 % slower.
 """
-PORTABLE = {"portable": (1, "")}
-"""Level that every machine has: one lane, no instruction set."""
+PORTABLE = {"portable": (1, "")}  # level that every machine has: one lane, no instruction set
 LEVELS = {
     "x86_64": {"v4": (8, "x86-64-v4"), "v3": (4, "x86-64-v3"), "v2": (2, "x86-64-v2"), **PORTABLE},
     "aarch64": {"neon": (2, ""), **PORTABLE},

@@ -27,8 +27,7 @@ from symgen.errors import BuildError
 
 ROOM = 0.1
 """Share of half a range, or rad or m of a range with one end, that is room enough at home."""
-_MOST = 1.0
-"""Upper bound of t: the middle of the range."""
+_MOST = 1.0  # upper bound of t: the middle of the range
 
 Vector = Annotated[
     tuple[float, ...], Meta(min_length=1, description="a list of finite numbers, one per joint")

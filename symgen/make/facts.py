@@ -27,8 +27,7 @@ from symgen.mechanics.passive import friction_coordinates
 ROUNDED = 1e-4
 """Error of a right angle, rad, that a URDF with four decimals makes; the notes report it."""
 
-WORLD = "world"
-"""Frame of the pose and of gravity where the base is free."""
+WORLD = "world"  # frame of the pose and of gravity where the base is free
 PROJECTION_FLOOR = 1e-4
 """Smallest eigenvalue of Σ_com after --settings project=true, relative to its trace."""
 

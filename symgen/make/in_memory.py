@@ -26,8 +26,7 @@ from symgen.sources import Source, read_source
 from symgen.sources.mjcf import robot_of_compiled
 from symgen.sources.springs import with_springs_of_file
 
-UNLIMITED = 1e9
-"""Limits from here on are none: libraries write the largest number."""
+UNLIMITED = 1e9  # limits from here on are none: libraries write the largest number
 
 
 def build(

@@ -23,8 +23,7 @@ from symgen.errors import BuildError, UrdfError
 from symgen.inspect.geometry import LARGEST_MESH, is_sound
 from symgen.ros.packages import Packages
 
-DEFAULT = "default"
-"""Key of the density of all links that the file does not name."""
+DEFAULT = "default"  # key of the density of all links that the file does not name
 _MERGED = 1e-6
 """Distance of two corners that are one, over the size of the mesh: STL has single precision."""
 

@@ -33,8 +33,7 @@ from symgen.make.facts import initial_parameters, model_facts, notes_of
 from symgen.make.request import BuildRequest
 from symgen.mechanics.loop_range import within_loops
 
-_ONCE = (0.45, 4.2e-5)
-"""Sources of no level: seconds, and seconds per instruction."""
+_ONCE = (0.45, 4.2e-5)  # sources of no level: seconds, and seconds per instruction
 _PER_LEVEL = {
     "v4": (2.5, 3.7e-5),
     "v3": (2.3, 3.9e-5),
@@ -43,12 +42,9 @@ _PER_LEVEL = {
     "portable": (2.0, 4.2e-5),
     REFERENCE: (0.15, 3.7e-5),
 }
-_FALLBACK = (0.45, 2e-6)
-"""The portable level beside a better one."""
-_COMPILER_MB = (55.0, 9e-4)
-"""Memory of one compiler process: MB, and MB per instruction."""
-_PYTHON_MB = (65.0, 6e-4)
-"""Memory of this process while others compile: MB, and MB per instruction."""
+_FALLBACK = (0.45, 2e-6)  # the portable level beside a better one
+_COMPILER_MB = (55.0, 9e-4)  # memory of one compiler process: MB, and MB per instruction
+_PYTHON_MB = (65.0, 6e-4)  # memory of this process while others compile: MB, and MB per instruction
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,8 +79,7 @@ _OF_ONE_BUILD = (".so", ".tmp", ".casadi", "_casadi.c")
 _AT_FDCWD = -100
 _RENAME_EXCHANGE = 2
 
-ONCE = ("kernels.c", "update.c", "online.c", "closed_loop.c")
-"""Sources compiled once."""
+ONCE = ("kernels.c", "update.c", "online.c", "closed_loop.c")  # sources compiled once
 PER_LEVEL = ("tiles.c", "statistics.c", "descent.c", "convex.c", "excitation.c")
 """Sources compiled once per instruction set."""
 UNHURRIED = ("reference.c",)

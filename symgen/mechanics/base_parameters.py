@@ -33,20 +33,14 @@ SILENT_COLUMN = 1e-11
 
 Such columns count as zero: scaling them to length one would invent a direction.
 """
-CLEAR_GAP = 1e3
-"""Least ratio of neighbouring singular values that marks the rank."""
-ROUNDING = 1e-13
-"""Singular value, relative to the largest, below which only rounding error is left."""
-_SAMPLES_PER_COLUMN = 4
-"""Random states per column of Y."""
+CLEAR_GAP = 1e3  # least ratio of neighbouring singular values that marks the rank
+ROUNDING = 1e-13  # singular value, relative to the largest, below which only rounding error is left
+_SAMPLES_PER_COLUMN = 4  # random states per column of Y
 _LARGE = 12
 """Links above which W has `_FEW` states, or enough for `_SAMPLES_PER_COLUMN` rows per column."""
-_FEW = 120
-"""States of a large robot: ten rows per parameter of a link that acts on one joint only."""
-_SNAP_DIGITS = 12
-"""Decimals to which an entry of K is rounded."""
-_SNAP_WITHIN = 2e-14
-"""Relative distance within which an entry of K is replaced by the rounded one."""
+_FEW = 120  # states of a large robot: ten rows per parameter of a link that acts on one joint only
+_SNAP_DIGITS = 12  # decimals to which an entry of K is rounded
+_SNAP_WITHIN = 2e-14  # relative distance within which an entry of K is replaced by the rounded one
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,8 +27,7 @@ from symgen.mechanics.loop_equations import (
     slopes,
 )
 
-_REFINED = 2
-"""Order of derivatives by q that are exact."""
+_REFINED = 2  # order of derivatives by q that are exact
 
 
 def positions(chain: Chain, q: Matrix) -> Matrix:

@@ -19,8 +19,7 @@ from symgen.chain import Chain, Joint
 from symgen.kernel import Matrix
 from symgen.mechanics.inertia import bodies_of
 
-Series = list[Matrix]
-"""Bounds x_k of |dᵏx/dtᵏ| / k!, lowest order first."""
+Series = list[Matrix]  # bounds x_k of |dᵏx/dtᵏ| / k!, lowest order first
 
 _OUTWARD = 1 + 1e-12
 """Some hundred operations on the longest path, each rounded by 1.1e-16 of its result."""

@@ -24,16 +24,11 @@ from symgen.errors import BuildError
 from symgen.kernel import Matrix
 from symgen.mechanics.spatial import joint_pose
 
-STEPS = 10
-"""Steps from the assembly pose to q; the next step is predicted by the last two."""
-POLISH = 3
-"""Iterations of Newton at q: they double the digits, and the last step leaves about two."""
-CLOSED = 1e-9
-"""Largest |φ| of a closed pose, m or rad."""
-SINGULAR = 1e-3
-"""Share of the assembly pose's margin below which a posture counts as singular."""
-_TINY = 1e-150
-"""Makes the rotation of a pair of zeros the identity, and changes nothing else."""
+STEPS = 10  # steps from the assembly pose to q; the next step is predicted by the last two
+POLISH = 3  # iterations of Newton at q: they double the digits, and the last step leaves about two
+CLOSED = 1e-9  # largest |φ| of a closed pose, m or rad
+SINGULAR = 1e-3  # share of the assembly pose's margin below which a posture counts as singular
+_TINY = 1e-150  # makes the rotation of a pair of zeros the identity, and changes nothing else
 
 
 @dataclass(frozen=True, slots=True)

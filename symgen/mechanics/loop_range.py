@@ -25,18 +25,13 @@ from symgen.mechanics.loop_equations import closed_chain, seed_values
 
 Sampler = Callable[[Array], tuple[Array, NDArray[np.bool_], Array]]
 
-SHARE = 0.2
-"""Least margin of a posture in the range, of the best one along the joints."""
-_AT_MOST = 0.5
-"""Least margin is at most this, so that the assembly pose (1) is always inside."""
+SHARE = 0.2  # least margin of a posture in the range, of the best one along the joints
+_AT_MOST = 0.5  # least margin is at most this, so that the assembly pose (1) is always inside
 _GRID, _POSTURES, _MOST_CORNERS = 180, 400, 8
 _SHRINK = tuple(np.linspace(1.0, 0.05, 20))
-_EDGE = 1e-9
-"""rad or m beyond a limit that are rounding error."""
-_BACK = 1e-6
-"""Turns by which a closed posture may differ after a turn: Newton leaves 1e-12."""
-_NARROW = 0.02
-"""rad or m: a range below this leaves nothing to move."""
+_EDGE = 1e-9  # rad or m beyond a limit that are rounding error
+_BACK = 1e-6  # turns by which a closed posture may differ after a turn: Newton leaves 1e-12
+_NARROW = 0.02  # rad or m: a range below this leaves nothing to move
 
 
 def within_loops(chain: Chain) -> Chain:

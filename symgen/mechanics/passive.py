@@ -19,8 +19,7 @@ from symgen.errors import UrdfError
 from symgen.kernel import Matrix
 from symgen.mechanics.kinematics import all_positions, link_poses
 
-_PARALLEL = 1e-9
-"""Distance of two unit rows below which they are the same friction coordinate."""
+_PARALLEL = 1e-9  # distance of two unit rows below which they are the same friction coordinate
 _POSTURES, _ROUNDING = 3, 1e-12
 """Random postures, and slope of a distance [1] there below which it is constant."""
 

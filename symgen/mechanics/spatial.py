@@ -12,10 +12,8 @@ from symgen.chain import Joint
 from symgen.chain.model import FLOATING
 from symgen.kernel import Matrix
 
-_LEAST_ANGLE = 1e-100
-"""rad; keeps 1/θ finite at θ = 0 and changes nothing else."""
-_HALF_TURN = 1e-15
-"""Magnitude of the quaternion's scalar (or vector) part that counts as zero."""
+_LEAST_ANGLE = 1e-100  # rad; keeps 1/θ finite at θ = 0 and changes nothing else
+_HALF_TURN = 1e-15  # magnitude of the quaternion's scalar (or vector) part that counts as zero
 _JACOBI_SWEEPS = 6
 """Sweeps after which cyclic Jacobi has converged for every 3×3 matrix, by its quadratic rate."""
 

@@ -32,8 +32,7 @@ _SECRET = re.compile(r"TOKEN|SECRET|PASSW|CREDENTIAL|KEY", re.IGNORECASE)
 _WORD = re.compile(r"[A-Za-z_]\w*")
 _ARGUMENT = re.compile(r"""<xacro:arg\s[^<>]*?name\s*=\s*["']([^"']*)["']""")
 _MOST_MESSAGES = 20
-_LONGEST = 400
-"""Largest length of a message [characters]."""
+_LONGEST = 400  # largest length of a message [characters]
 _MODIFIED = ("safe_eval", "parse", "load_yaml", "_global_symbols", "process_file")
 _PLAIN = (str, bytes, list, tuple, dict, set, frozenset, range, int, float, complex, bool)
 _METHODS = {
@@ -42,8 +41,7 @@ _METHODS = {
 }
 _REFUSED = (ast.NamedExpr, ast.Await, ast.Yield, ast.YieldFrom)
 _ATTRIBUTE, _POWER = "__attribute__", "__power__"
-MOST_BITS = 4096
-"""Length of a power of whole numbers; a float ends at 2¹⁰²⁴."""
+MOST_BITS = 4096  # length of a power of whole numbers; a float ends at 2¹⁰²⁴
 
 
 def _expand(job: dict[str, Any]) -> dict[str, Any]:

@@ -21,16 +21,12 @@ from runtime.common.child import ExceededError, Limits, answer_of
 from runtime.common.files import LARGEST_DOCUMENT
 from symgen.errors import BuildError
 
-LARGEST_ASSET = 2**28
-"""Largest mesh, texture or height field, bytes."""
-MOST = 50_000
-"""Largest number of files that are named."""
-_MOST_PLACES = 1_000_000
-"""Largest number of pairs of a folder and a name that are looked at."""
+LARGEST_ASSET = 2**28  # largest mesh, texture or height field, bytes
+MOST = 50_000  # largest number of files that are named
+_MOST_PLACES = 1_000_000  # largest number of pairs of a folder and a name that are looked at
 _NAMED = re.compile(r"""\b(file\w*|meshdir|texturedir|assetdir)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 """Names of files (file, fileright, fileup, … of a texture) and of their folders."""
-LIMITS = Limits(seconds=30, patience=55.0, memory=2**32, file=2**30)
-"""Limits of MuJoCo's compiler."""
+LIMITS = Limits(seconds=30, patience=55.0, memory=2**32, file=2**30)  # limits of MuJoCo's compiler
 
 
 @dataclass(frozen=True, slots=True, eq=False)

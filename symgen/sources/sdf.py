@@ -87,8 +87,7 @@ _TREE = {"revolute": "revolute", "continuous": "continuous", "prismatic": "prism
 _LOOPS = {"continuous": "revolute", "ball": "spherical"}
 """Type of a joint of SDF → kind of a loop joint; others keep their name."""
 _KINDS = ("revolute", "prismatic", "spherical", "fixed")
-_ENDLESS = 1e15
-"""Limit of SDF, rad or m, above which there is none."""
+_ENDLESS = 1e15  # limit of SDF, rad or m, above which there is none
 
 
 def robot_from_sdf(

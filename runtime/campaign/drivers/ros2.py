@@ -20,14 +20,10 @@ from runtime.library import Library
 
 NAME = "ros2"
 CONTROLLER = "/joint_trajectory_controller"
-STATES = "/joint_states"
-"""Topic of the states."""
-WAIT_S = 5.0
-"""Longest time to find the controller and its states."""
-COUNT = 20
-"""Number of messages from which their rate follows."""
-LATE = 3.0
-"""Periods after which a message is missing."""
+STATES = "/joint_states"  # topic of the states
+WAIT_S = 5.0  # longest time to find the controller and its states
+COUNT = 20  # number of messages from which their rate follows
+LATE = 3.0  # periods after which a message is missing
 _SOURCE = "source the setup file of a ROS 2 installation"
 
 

@@ -16,12 +16,9 @@ from runtime.errors import SimulationError
 from runtime.library import Library
 
 NAME = "ur"
-LOOKAHEAD = 0.03
-"""Smoothing of `servoJ` [s], the least that it takes."""
-GAIN = 1000.0
-"""Proportional gain of `servoJ`, of 100 to 2000."""
-BRAKE = 5.0
-"""Deceleration of `servoStop` [rad/s²]."""
+LOOKAHEAD = 0.03  # smoothing of `servoJ` [s], the least that it takes
+GAIN = 1000.0  # proportional gain of `servoJ`, of 100 to 2000
+BRAKE = 5.0  # deceleration of `servoStop` [rad/s²]
 _INSTALL = "install it with: pip install ur_rtde"
 
 

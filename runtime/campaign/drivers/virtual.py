@@ -26,14 +26,11 @@ from runtime.simulation.virtual_robot import (
 )
 
 FAULTS = ("stuck", "collision", "dead", "clock")
-TIMEOUT = 0.003
-"""Time after which a missing sample is an error [s]."""
-_STUCK = 1e7
-"""Damping of a stuck joint [N·m·s/rad, N·s/m]."""
+TIMEOUT = 0.003  # time after which a missing sample is an error [s]
+_STUCK = 1e7  # damping of a stuck joint [N·m·s/rad, N·s/m]
 _BRAKE_S = 0.5
 _NOISE_ROWS = 4096
-_SHOWN = 32
-"""Positions of a motion that its noise is seeded by."""
+_SHOWN = 32  # positions of a motion that its noise is seeded by
 
 
 @dataclass(frozen=True, slots=True)

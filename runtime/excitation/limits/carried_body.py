@@ -35,8 +35,7 @@ from runtime.excitation.limits.nonlinear_limits import Body, IntervalBounds
 from runtime.library import Array, Library, Mask, ProxyFacts
 from runtime.library.parameters import link_columns
 
-EMPTY_HAND = "empty hand"
-"""What a certificate states of the load where no body is carried."""
+EMPTY_HAND = "empty hand"  # what a certificate states of the load where no body is carried
 LABEL = "carried body"
 _INSIDE = 1e-12
 """Distance of an axis from the box, m, below which it has no direction: the axis is inside."""
@@ -152,10 +151,8 @@ def closest(start: Array, direction: Array, half: Array) -> tuple[Array, Array]:
     return start + best[:, None] * direction, way(best[:, None])[:, 0]
 
 
-OBSTACLE = "obstacle"
-"""Kind of the limit in certificates."""
-LARGEST_LENGTH = 100.0
-"""Largest coordinate, edge or radius [m]."""
+OBSTACLE = "obstacle"  # kind of the limit in certificates
+LARGEST_LENGTH = 100.0  # largest coordinate, edge or radius [m]
 
 
 @dataclass(frozen=True, slots=True)

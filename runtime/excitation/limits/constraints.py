@@ -24,15 +24,13 @@ from runtime.excitation.limits.torque_limits import ModelBand, TorqueLimit, know
 from runtime.library import Array, Indices, Library
 from runtime.library.manifest import torque_units
 
-TABLE_MARGIN = 0.03
-"""Margin between every moving proxy and the table or an obstacle, m."""
+TABLE_MARGIN = 0.03  # margin between every moving proxy and the table or an obstacle, m
 CARRIED_MARGIN = 0.02
 """Margin between a carried box and the links of a robot that states no margins, m."""
 FIT_PROXIES = (
     "fit them with: python -m symgen proxies URDF --out X.toml, and build with --config X.toml"
 )
-_PROBES = 32
-"""Number of random poses; between them every proxy that can move has moved."""
+_PROBES = 32  # number of random poses; between them every proxy that can move has moved
 AT_LIMIT = 1e-9
 """Largest g of a robot that rests on a limit: rounding of its position, 1e-10 m of places."""
 _FRICTION = ("viscous", "coulomb")

@@ -21,8 +21,7 @@ LIMIT_STEP = 0.1
 """Step of the grid of limits in the descent, s (Sec. 3.4.2); the result is checked at 1 kHz."""
 DEFAULT_ACCELERATION = 10.0
 """Acceleration limit of joints for which the robot states none, rad/s² or m/s²."""
-DEFAULT_RANGE = np.pi
-"""Range on both sides of home of a joint without position limits, rad or m."""
+DEFAULT_RANGE = np.pi  # range on both sides of home of a joint without position limits, rad or m
 
 
 class Limits:
@@ -124,8 +123,7 @@ def inside(limits: Limits, a: Array) -> Array:
     return a / rho[:, None]
 
 
-NEAR = -0.35
-"""Rows above this value are linearised; what lies lower stays below 0 within a step."""
+NEAR = -0.35  # rows above this value are linearised; what lies lower stays below 0 within a step
 
 
 def spared(constraint: Constraint, share: float) -> float:

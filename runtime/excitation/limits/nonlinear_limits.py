@@ -23,8 +23,7 @@ from runtime.library import Array, Library
 
 ROUNDING = 1e-12
 """Of a value, relative to its bound: 64 ε of the motion, and some thousand operations."""
-SMOOTH = 1e-6, 1e-2
-"""Tolerances of proven bounds of smooth functions."""
+SMOOTH = 1e-6, 1e-2  # tolerances of proven bounds of smooth functions
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +34,7 @@ class Body:
     reach: float  # largest distance of its points from the origin of the link, m
 
 
-BASE = Body(-1, 0.0)
-"""What stands still."""
+BASE = Body(-1, 0.0)  # what stands still
 
 
 class IntervalBounds:

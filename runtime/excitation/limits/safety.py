@@ -18,8 +18,7 @@ SELF_COLLISION, TABLE, CARRIED = "self-collision", "table", "carried body"
 SPRINGS = "springs of unknown stiffness"
 UNCHECKED = (TORQUE, BRAKING, RATE, TIP, SELF_COLLISION, TABLE, CARRIED, SPRINGS)
 """Kinds of limits that a certificate may leave out."""
-EVERYTHING = "all"
-"""Word that accepts all of them."""
+EVERYTHING = "all"  # word that accepts all of them
 _REMEDIES = {
     TABLE: "--table Z for a table at this height or --table none",
     SELF_COLLISION: "a library with collision proxies (python -m symgen proxies)",

@@ -34,13 +34,10 @@ from runtime.excitation.limits.nonlinear_limits import (
 )
 from runtime.library import Array, Indices, Library
 
-_MANY = 10
-"""Parameters above which the whole regressor takes less time than its columns."""
+_MANY = 10  # parameters above which the whole regressor takes less time than its columns
 KINDS = ("torque", "torque rate")
-STEP = 1e-5
-"""Step of first differences, rad or m, or s along a motion: ε^⅓ of the usual sizes."""
-WIDE = 1e-4
-"""Step of second differences: ε^¼."""
+STEP = 1e-5  # step of first differences, rad or m, or s along a motion: ε^⅓ of the usual sizes
+WIDE = 1e-4  # step of second differences: ε^¼
 
 
 @dataclass(frozen=True, slots=True)

@@ -73,8 +73,7 @@ class BasisFamily:
     make: Callable[[bool], Basis]  # the basis; true for a third derivative of zero at both ends
 
 
-TRANSFER = "transfer"
-"""Name of the splines that end at another place."""
+TRANSFER = "transfer"  # name of the splines that end at another place
 DEGREE = 5
 """Degree of the splines: four derivatives are continuous, so that the jerk has a slope to bound."""
 

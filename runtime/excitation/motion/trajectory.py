@@ -171,12 +171,9 @@ def _waves(orders: int, w: Array, s: Array, sine: int) -> Array:
 COSINE_FAMILY = BasisFamily("cosine", "cosines, out and back, the document's", Cosine)
 FOURIER_FAMILY = BasisFamily("fourier", "cosines and sines", Fourier)
 
-GAP = 1e-6
-"""Largest distance between the end of a motion and the start of the next [rad, m]."""
-WAYS = ("approach", "return")
-"""Names of the parts before and after a motion."""
-COSINE = Cosine()
-"""The default basis."""
+GAP = 1e-6  # largest distance between the end of a motion and the start of the next [rad, m]
+WAYS = ("approach", "return")  # names of the parts before and after a motion
+COSINE = Cosine()  # the default basis
 BASES = Registry(
     "symgen.bases",
     BasisFamily,

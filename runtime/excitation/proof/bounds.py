@@ -51,13 +51,11 @@ INTERVALS = 4000
 """Fewest intervals of the grid over half the duration; over all of it twice as many."""
 INTERVALS_PER_HARMONIC = 3000
 """Intervals per function; keeps the error δ²/8 (2πM/t_f)² of chords below 2e-7 of the amplitude."""
-DIVIDED = 20
-"""Short intervals in a long one; divides both numbers above."""
+DIVIDED = 20  # short intervals in a long one; divides both numbers above
 ROUNDING = 64 * np.finfo(float).eps
 """Relative to Σ|a| sup|φ|: the arguments 2πms carry a few ε, and M products are added."""
 KINDS = ("position", "velocity", "acceleration", "jerk")
-_ORDERS = len(KINDS) + 2
-"""Number of derivatives that are evaluated."""
+_ORDERS = len(KINDS) + 2  # number of derivatives that are evaluated
 
 
 def joint_bounds(lib: Library, trajectory: Trajectory) -> tuple[Array, Array]:
@@ -176,23 +174,16 @@ def _require_shapes(lib: Library, trajectory: Trajectory) -> None:
         )
 
 
-SHARE = 0.01
-"""Tolerance of a bound as a share of the margin of its row."""
-PARTS = 4
-"""Parts of an interval that is divided."""
+SHARE = 0.01  # tolerance of a bound as a share of the margin of its row
+PARTS = 4  # parts of an interval that is divided
 MOST_INTERVALS = 1_000_000
 """Of one constraint; what is not decided by then keeps its bound, which is proven but not tight."""
-STEP = 1e-3
-"""Longest interval, s."""
-LEAST_INTERVALS = 2000
-"""Fewest intervals of a `MotionGrid`, however short the motion."""
-ORDERS = 5
-"""Number of derivatives of the motion that are evaluated, q included."""
+STEP = 1e-3  # longest interval, s
+LEAST_INTERVALS = 2000  # fewest intervals of a `MotionGrid`, however short the motion
+ORDERS = 5  # number of derivatives of the motion that are evaluated, q included
 SAFETY = 2.0
-_CHUNK = 2048
-"""Intervals at once: their Jacobians stay in the cache."""
-_DIVIDED = 20
-"""Short intervals in a long one."""
+_CHUNK = 2048  # intervals at once: their Jacobians stay in the cache
+_DIVIDED = 20  # short intervals in a long one
 
 
 @dataclass(frozen=True, slots=True)

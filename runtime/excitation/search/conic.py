@@ -19,16 +19,12 @@ from runtime.library import Array, Indices, Mask
 
 MU = 20.0
 """Penalty μ: f is log cond or like it, x has size one at the bounds; multipliers stay below 5."""
-_FIRST = -0.02
-"""Peaks above this value are used in the first programme of a step."""
-_CORRECTED = 400
-"""Most rows of a correction: more are no small violation."""
-TOLERANCE = 1e-9
-"""Tolerance of the programmes: relative gap and feasibility."""
+_FIRST = -0.02  # peaks above this value are used in the first programme of a step
+_CORRECTED = 400  # most rows of a correction: more are no small violation
+TOLERANCE = 1e-9  # tolerance of the programmes: relative gap and feasibility
 SLACK = 1e-6
 """Relative violation of a row that is allowed; without it a row at its bound stops every step."""
-_ROUNDS = 30
-"""Rounds of adding rows; after that the step is shortened instead."""
+_ROUNDS = 30  # rounds of adding rows; after that the step is shortened instead
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,14 +42,11 @@ from runtime.excitation.search.measures import (
 from runtime.library import Array, Library
 from runtime.registry import Registry
 
-UNSEEN = 40
-"""Number of motions."""
+UNSEEN = 40  # number of motions
 UNSEEN_DURATION, UNSEEN_HARMONICS, UNSEEN_SAMPLES = 10.0, 5, 40
 """Of each motion: duration [s], cosines per joint, samples of its way out."""
-SMALLER = 0.97
-"""Factor of a motion that breaks a limit of a dependent joint, as often as needed."""
-UNSEEN_SEED = 20
-"""The same motions for all designs of a robot."""
+SMALLER = 0.97  # factor of a motion that breaks a limit of a dependent joint, as often as needed
+UNSEEN_SEED = 20  # the same motions for all designs of a robot
 
 
 def unseen_motions(lib: Library, home: Array) -> list[Trajectory]:
@@ -105,12 +102,9 @@ def unseen_joints(lib: Library, home: Array) -> Array:
 
 PAYLOAD = np.array([1.0, *3 * [0.1], *6 * [0.01]])
 """Size of the unknowns of a payload: 1 kg, 0.1 m × 1 kg, (0.1 m)² × 1 kg."""
-FLOOR = 0.01
-"""Smallest size of an unknown, kg, kg·m or kg·m²: some base parameters vanish."""
-SMOOTH = 16.0
-"""Power of the Schatten norms in `mixed`."""
-SHARE = 0.8
-"""Weight of log cond in `mixed`."""
+FLOOR = 0.01  # smallest size of an unknown, kg, kg·m or kg·m²: some base parameters vanish
+SMOOTH = 16.0  # power of the Schatten norms in `mixed`
+SHARE = 0.8  # weight of log cond in `mixed`
 LAST_SMOOTH, LAST_SHARE = 32.0, 0.85
 """The same in the last descent, of the best start alone, which moves it a little along the
 trade-off: cond 1 % smaller for 0.5 % in v."""

@@ -48,14 +48,11 @@ from runtime.parallel import on_cluster
 
 Sent = tuple[Path, str, DesignSettings]
 """Folder and level of a library, and settings: what a worker makes its search of."""
-Started = tuple[int, float, Array]
-"""Number of the task, its target, its coefficients."""
+Started = tuple[int, float, Array]  # number of the task, its target, its coefficients
 Rounds = Iterable[list[Task]]
 """Tasks of one round after another; a round is made when all tasks of the last have ended."""
-SAFE_PATH = "PYTHONSAFEPATH"
-"""Environment variable of `python -P`."""
-_here: list[Search] = []
-"""Search of a worker process, which loads its library once."""
+SAFE_PATH = "PYTHONSAFEPATH"  # environment variable of `python -P`
+_here: list[Search] = []  # search of a worker process, which loads its library once
 
 
 def in_turn(search: Search, rounds: Rounds) -> Generator[Started, None, None]:

@@ -16,10 +16,8 @@ from runtime.library import Array
 
 LONGEST = 3600.0
 """Longest duration of a motion, s; beyond it the grid of the limits exceeds the memory."""
-SHORTEST = 1e-3
-"""Shortest duration of a trajectory [s]: a controller has one period in it."""
-MOST_HARMONICS = 1000
-"""Largest number of harmonics; a search of as many takes hours."""
+SHORTEST = 1e-3  # shortest duration of a trajectory [s]: a controller has one period in it
+MOST_HARMONICS = 1000  # largest number of harmonics; a search of as many takes hours
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,12 +44,9 @@ SHARE, SMOOTH_SHARE = 1.0, 2.0
 of the time of a random start."""
 FEWEST_STARTS = 8
 """Smallest number of starts after which variations follow, or among which some are warm."""
-ROUNDS = 6
-"""Number of rounds of variations."""
-PARENTS = 8
-"""Largest number of parents."""
-DISTINCT = 1e-3
-"""Difference of log cond below which two optima count as the same."""
+ROUNDS = 6  # number of rounds of variations
+PARENTS = 8  # largest number of parents
+DISTINCT = 1e-3  # difference of log cond below which two optima count as the same
 SAME = 0.05
 """Distance of coefficients over their length below which two ends of a smooth criterion count as
 the same: descents end up to 0.02 from their optimum, and other optima are 0.1 or more away."""
@@ -134,14 +131,12 @@ def _best(
     return chosen[0][0], tuple(a for _, a in chosen)
 
 
-STEP = 1e-3
-"""Step of the grid on which the limits hold, s."""
+STEP = 1e-3  # step of the grid on which the limits hold, s
 STRICT = 2e-4
 """Margin of nonlinear limits on that grid: their curvature between its samples is smaller."""
 SCALES = 1 - 1e-4 * np.concatenate([[0], 2.0 ** np.arange(10)])
 """Factors of the motion, down to 0.95."""
-SLOWER = 1.01 ** np.arange(1, 41)
-"""Factors of the duration, up to 1.5."""
+SLOWER = 1.01 ** np.arange(1, 41)  # factors of the duration, up to 1.5
 SMALL = 0.9 ** np.arange(1, 23)
 """Factors of the motion where nothing else helps, down to 0.1: with a small share of the limits
 (the setting margin) the cost of a search rises faster than its penalty of nonlinear limits."""

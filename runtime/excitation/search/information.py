@@ -132,16 +132,12 @@ def projected(
     return Projection(rest, shares * scale[..., None], slopes, filtered)
 
 
-ORDER = 4
-"""Order of the filter, which runs forwards and backwards."""
+ORDER = 4  # order of the filter, which runs forwards and backwards
 BANDS, LEAST_BINS = 24, 16
 """Bands of an estimated spectrum, equally wide in log f, and the least number of bins in one."""
-NOISE = 0.05
-"""Default torque noise, N·m or N."""
-RATE = 100.0
-"""Default sampling rate of the log, Hz."""
-FRICTION = Friction().columns
-"""Friction columns that are estimated beside base parameters."""
+NOISE = 0.05  # default torque noise, N·m or N
+RATE = 100.0  # default sampling rate of the log, Hz
+FRICTION = Friction().columns  # friction columns that are estimated beside base parameters
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -31,10 +31,8 @@ SAMPLES = (COST_SAMPLES, 1000)
 MOST_SAMPLES = 2**14
 """Largest number of samples of the motion that stand for a log, which may have millions; the mean
 of the rows of a smooth motion hardly depends on their number."""
-_OFFSET = (OFFSET.name,)
-"""Column that is fitted beside a payload: sensors drift."""
-_COM = np.array([0.0, 0.0, 0.1])
-"""Centre of mass of the payload in the last link's frame, m."""
+_OFFSET = (OFFSET.name,)  # column that is fitted beside a payload: sensors drift
+_COM = np.array([0.0, 0.0, 0.1])  # centre of mass of the payload in the last link's frame, m
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,10 +33,8 @@ NOISE = 0.2, 0.8
 FAR_NOISE = 0.45, 0.75
 """The same far from a parent: with less, most descents of a smooth criterion return to it; with
 more, most are given up. Between 0.5 and 0.7 they gained twice as much as between 0.7 and 0.9."""
-FAVOUR = 0.25
-"""Probability that the best parent is chosen; the next ones follow a geometric law."""
-FAR_FAVOUR = 0.35
-"""The same where a smooth criterion decides."""
+FAVOUR = 0.25  # probability that the best parent is chosen; the next ones follow a geometric law
+FAR_FAVOUR = 0.35  # the same where a smooth criterion decides
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,18 +141,14 @@ def _chosen(rng: np.random.Generator, joints: int, count: int, size: int) -> Arr
     return np.repeat(np.isin(np.arange(joints), chosen), size // joints)
 
 
-START = 0.5
-"""Limit use of a random start: far enough inside to choose its basin."""
+START = 0.5  # limit use of a random start: far enough inside to choose its basin
 FINE_STEP = 0.01
 """Step of the grid of the last polish, s: between its points motions overshoot by 1e-5."""
-FINE_POINTS = 1000
-"""Most points of that grid."""
-POLISH = 40
-"""Most semidefinite programmes, or steps of the last descent of a smooth goal."""
+FINE_POINTS = 1000  # most points of that grid
+POLISH = 40  # most semidefinite programmes, or steps of the last descent of a smooth goal
 TIGHTENED = 2e-3
 """Tightening of nonlinear limits in the last polish: they bend that much between its samples."""
-ELASTIC = 0.3
-"""Violation of nonlinear limits above which a random start is shrunk."""
+ELASTIC = 0.3  # violation of nonlinear limits above which a random start is shrunk
 LATE_GAIN = 0.06
 """Log cond by which a variation may be worse than the best after a smooth stage; the other stages
 and the polish gain 0.03 to 0.05 from there."""
@@ -170,8 +164,7 @@ RETURNED = 0.3
 from its own polished optimum, 0.5 and more from others."""
 SHRUNK, SHRINKS = 0.8, 60
 """Factor of one shrinking, and the largest number: 1e-6 of the limits of joints is no motion."""
-LEAST = 1e-3
-"""Use of the limits of joints below which other limits have left no room."""
+LEAST = 1e-3  # use of the limits of joints below which other limits have left no room
 
 
 class Search:

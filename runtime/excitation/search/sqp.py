@@ -23,18 +23,14 @@ from scipy.optimize import nnls
 from runtime.excitation.search.conic import MU, ConeBlock, Curved, LinearRows, Nonlinear
 from runtime.library import Array
 
-_EMPTY = 1e-12
-"""Residual ρ_e below which the rows leave no point, to rounding."""
+_EMPTY = 1e-12  # residual ρ_e below which the rows leave no point, to rounding
 Objective = Callable[[Array], tuple[float, Array]]
-TOLERANCE = 1e-6
-"""Default decrease of the merit below which a descent ends."""
+TOLERANCE = 1e-6  # default decrease of the merit below which a descent ends
 _ARMIJO = 1e-4
 _DAMPING = 0.2
 _TRIALS = 20
-_SHORTEST, _LONGEST = 0.1, 0.5
-"""Factors by which a step is shortened, at most and at least."""
-_PATIENCE = 3
-"""Number of steps in a row without progress that ends the descent."""
+_SHORTEST, _LONGEST = 0.1, 0.5  # factors by which a step is shortened, at most and at least
+_PATIENCE = 3  # number of steps in a row without progress that ends the descent
 
 
 @dataclass(frozen=True, slots=True)

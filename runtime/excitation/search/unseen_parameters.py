@@ -28,8 +28,7 @@ SHOWN = 1e-5
 """Least part of a column of unit length that no other column produces. The search works on Gram
 matrices, which resolve 1e-7 (their rounding is the square of it); a torque error of 1e-4 of the
 torque hides ten times what is left out here."""
-MOTIONS = 4
-"""Random motions that are examined together."""
+MOTIONS = 4  # random motions that are examined together
 
 
 def without_unseen(

@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 
 DPI = 130
 
-_WIDTH = 10.0
-"""Width of a figure [inch]."""
+_WIDTH = 10.0  # width of a figure [inch]
 
 
 def write_pictures(experiments: tuple[Experiment, ...], folder: Path) -> tuple[Path, ...]:
@@ -54,14 +53,11 @@ LINES = (
     *((canvas.VERMILION, "-"), (canvas.SKY, "--"), (canvas.INK, "-")),
 )
 """Colours and line styles, distinguishable with any colour vision and in print."""
-POINTS = 700
-"""Largest number of points of one curve."""
+POINTS = 700  # largest number of points of one curve
 MOTION = ("position", "velocity", "acceleration", "torque")
 UNITS = ("rad", "rad/s", "rad/s²", "N·m")
-_BAR = 0.8
-"""Width of a group of bars over the distance of groups."""
-_ENTRY = 1.85
-"""Width of an entry of a legend [inch]."""
+_BAR = 0.8  # width of a group of bars over the distance of groups
+_ENTRY = 1.85  # width of an entry of a legend [inch]
 
 
 def has_figure(view: View) -> bool:

@@ -142,10 +142,8 @@ def best_method(experiment: Experiment) -> str:
     return next((name for name in BEST if name in experiment.methods), "")
 
 
-MANY = 7
-"""Largest number of methods in columns; more methods become rows."""
-Column = tuple[str, str, bool]
-"""Case, method, and whether the number is printed in the document."""
+MANY = 7  # largest number of methods in columns; more methods become rows
+Column = tuple[str, str, bool]  # case, method, and whether the number is printed in the document
 
 
 def tables(experiment: Experiment, view: View) -> Iterator[Table]:

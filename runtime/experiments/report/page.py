@@ -33,14 +33,11 @@ from runtime.outputs.report.page import Page, Section, Tile
 
 BEGIN, END = "<!-- reproduce -->", "<!-- /reproduce -->"
 GALLERY = "images"
-PICTURES = 3
-"""Number of figures in the section."""
+PICTURES = 3  # number of figures in the section
 CHOICE = ("fig-5.8", "fig-5.7", "fig-3.3", "fig-5.2", "fig-5.4", "fig-5.1", "fig-A.2")
 """Candidates, of which the first available ones are shown."""
-LARGEST_PICTURE = 60_000
-"""Largest size of a figure [byte]."""
-RUBBING = "-friction"
-"""End of the names of methods with friction columns."""
+LARGEST_PICTURE = 60_000  # largest size of a figure [byte]
+RUBBING = "-friction"  # end of the names of methods with friction columns
 _SIZE, _DPI = (5.6, 3.4), 90
 
 
@@ -149,8 +146,7 @@ def _mean(experiment: Experiment, case: str, method: str, names: list[str]) -> s
     return f"{sum(means) / len(means):.2g}" if means else NOTHING
 
 
-DOCUMENT_TRIALS = 150
-"""Number of Monte Carlo trials of the document."""
+DOCUMENT_TRIALS = 150  # number of Monte Carlo trials of the document
 GLOSSARY = (
     ("document", "number printed in the source document"),
     ("λ-Adam", "method and settings of the document, on the data of this package"),

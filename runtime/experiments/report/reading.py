@@ -23,11 +23,9 @@ from runtime.library import Array
 from runtime.recording.formats.npz import open_npz
 from runtime.recording.formats.parquet_format import rows_of
 
-LARGEST_DRAWN = 1e100
-"""Largest number that is drawn; its square must be finite."""
+LARGEST_DRAWN = 1e100  # largest number that is drawn; its square must be finite
 
-_LINES = {"band": 3, "loglog": 3}
-"""Number of series of one axis, by kind of figure."""
+_LINES = {"band": 3, "loglog": 3}  # number of series of one axis, by kind of figure
 
 
 def is_drawable(kind: str, series: Sequence[Array], names: Sequence[str]) -> bool:
@@ -64,8 +62,7 @@ def _are_curves(shapes: Sequence[tuple[int, ...]], names: Sequence[str]) -> bool
 
 
 KINDS = ("table", "band", "lines", "path", "motion", "loglog", "bars")
-AGREEMENT = 1e-9
-"""Relative difference of summary and trials; sums of doubles depend on their order."""
+AGREEMENT = 1e-9  # relative difference of summary and trials; sums of doubles depend on their order
 WANTED = (
     *("fig-3.1", "fig-3.2", "excitation", "fig-3.3", "fig-4.1"),
     *(f"table-5.{k}" for k in (2, 3, 4, 5, 6, 7, 9, 10, 11, 12)),
@@ -88,8 +85,7 @@ class Value:
     misprint: str = ""  # number that the document prints in its place; empty where it is the same
 
 
-MetricKey = tuple[str, str, str]
-"""Case, method, metric."""
+MetricKey = tuple[str, str, str]  # case, method, metric
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,10 +19,8 @@ from runtime.library.parameters import MASS, centre_of_mass, links, mass
 from runtime.recording import Friction
 from runtime.recording.preprocessing import prepare as prepared
 
-GUESS, BATCHES = 0, 3
-"""Random streams of a trial, as in the Monte Carlo studies."""
-LOGS = {"tuning": EMPTY, "payload": LOADED}
-"""Logs of each case."""
+GUESS, BATCHES = 0, 3  # random streams of a trial, as in the Monte Carlo studies
+LOGS = {"tuning": EMPTY, "payload": LOADED}  # logs of each case
 FROZEN = "tuning"
 """Case in which link 7 is constant in the document: Table 5.9 has 107.58 ± 0.00 % (errata)."""
 PLAIN = Friction(())
@@ -209,8 +207,7 @@ def _facts(setup: BenchSetup) -> dict[str, Any]:
 
 
 _BOTH = tuple(LOGS)
-DISTANCES = ("airm", "base_error")
-"""Distances from the truth, which the torque errors do not show."""
+DISTANCES = ("airm", "base_error")  # distances from the truth, which the torque errors do not show
 
 STUDY = study.Study(
     name="bench",

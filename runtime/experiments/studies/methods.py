@@ -19,8 +19,7 @@ from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.simulation import Controller, Plant, closed_loop
 
-CAD, TRAINING, VALIDATION = range(3)
-"""Random streams of the study."""
+CAD, TRAINING, VALIDATION = range(3)  # random streams of the study
 FRICTION = Friction(("coulomb", "viscous"), 0.03)
 PREPARATION = Preparation(filter="butterworth", cutoff_hz=20.0, trim_s=0.05, rate_hz=100.0)
 

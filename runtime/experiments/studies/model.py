@@ -17,8 +17,7 @@ from runtime.library import Array, Library
 from runtime.recording import Recording
 from runtime.simulation import Plant, ideal
 
-JOINT = 4
-"""Joint of Fig. 3.2, from 0."""
+JOINT = 4  # joint of Fig. 3.2, from 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -174,11 +174,9 @@ IDEAL = monte_carlo(
 )
 """Sec. 5.1.1: noise-free data, three perturbations of the initial guess."""
 
-SEVERE, THIRD = 0.1, 2
-"""Noise [N·m] and trial of Fig. 5.4, or the last trial where there are fewer."""
+SEVERE, THIRD = 0.1, 2  # noise [N·m] and trial of Fig. 5.4, or the last trial where there are fewer
 WORST = f"sigma={SEVERE:g}"
-BOTH = ("adam", "adam-frozen")
-"""Methods of Fig. 5.4."""
+BOTH = ("adam", "adam-frozen")  # methods of Fig. 5.4
 
 
 def _noise_case(sigma: float) -> Case:
@@ -281,8 +279,7 @@ SINES = monte_carlo(
 )
 """Sec. 5.1.2: training on sines or on the designed motion, p = 0.15, noise-free."""
 
-DESIGNS = 20
-"""Number of designs; their seeds are the numbers from `DesignsConfig.seed` · 20 on."""
+DESIGNS = 20  # number of designs; their seeds are the numbers from `DesignsConfig.seed` · 20 on
 THRESHOLDS = ("adam", "adam-zero")
 CASES = {
     Case(f"p={p:g}", p, methods=THRESHOLDS): f"initial guess perturbed by {100 * p:g} %"

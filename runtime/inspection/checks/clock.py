@@ -40,16 +40,12 @@ _GAP_STEPS = 10.0
 _COUNTS = 5.0
 """Encoder counts per row above which a repeated value is not the resolution of the encoder."""
 _NICE = (1.0, 2.0, 2.5, 4.0, 5.0, 8.0, 10.0)
-EVEN = 0.05
-"""Largest relative spread of the steps of a clock that counts as made up."""
-MADE_UP = 0.95
-"""Share of such steps from which on the clock counts as made up."""
+EVEN = 0.05  # largest relative spread of the steps of a clock that counts as made up
+MADE_UP = 0.95  # share of such steps from which on the clock counts as made up
 LOST, WIDTH = 0.004, 0.2
 """Share of the steps with r = 2 that is reported, and their distance from it."""
-BETWEEN = (1.35, 1.65)
-"""r of neither case, which noise fills as well."""
-CLEAR = 4.0
-"""Steps with r = 2 over those between, so that noise is excluded."""
+BETWEEN = (1.35, 1.65)  # r of neither case, which noise fills as well
+CLEAR = 4.0  # steps with r = 2 over those between, so that noise is excluded
 FEWEST_ROWS = 100
 
 

@@ -21,17 +21,13 @@ from runtime.inspection.finding import INFO, WARNING, Finding, joint_list, numbe
 from runtime.library import Array, Integers, Library
 from runtime.recording import Recipe, Recording
 
-MOST_ORDERS = 5040
-"""Largest number of permutations that are all tried."""
+MOST_ORDERS = 5040  # largest number of permutations that are all tried
 GOOD, BETTER = 0.5, 0.6
 """E below which an order fits, and E of the best order over that of the present one below which
 the order is changed."""
-BEYOND = 0.2
-"""Distance beyond a limit [rad or m] that is accepted: offsets and soft limits."""
-ALIKE = 0.05
-"""Difference of E that decides nothing: wrist joints carry little gravity torque."""
-ROWS = 60
-"""Number of rows that E is computed on."""
+BEYOND = 0.2  # distance beyond a limit [rad or m] that is accepted: offsets and soft limits
+ALIKE = 0.05  # difference of E that decides nothing: wrist joints carry little gravity torque
+ROWS = 60  # number of rows that E is computed on
 
 
 def joint_order(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, list[Finding]]:

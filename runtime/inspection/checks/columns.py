@@ -17,30 +17,22 @@ import numpy as np
 
 from runtime.library import Array
 
-MOST_ROWS = 20_000
-"""Rows that are compared; more change no correlation."""
-FEWEST_ROWS = 20
-"""Rows below which nothing is concluded."""
-LARGEST_NUMBER = 1e100
-"""Largest size of a number; squares of larger ones overflow."""
-STEADY = 0.5
-"""Largest standard deviation of a clock's steps, relative to their median."""
+MOST_ROWS = 20_000  # rows that are compared; more change no correlation
+FEWEST_ROWS = 20  # rows below which nothing is concluded
+LARGEST_NUMBER = 1e100  # largest size of a number; squares of larger ones overflow
+STEADY = 0.5  # largest standard deviation of a clock's steps, relative to their median
 DERIVATIVE = 0.9
 """Least correlation, median over joints, of a derivative with the signal that it is."""
 ACCELERATION = 0.95
 """The same for accelerations: a torque that only accelerates a mass comes close to them."""
-ALIKE = 0.15
-"""Largest deviation of the slopes of an acceleration from one unit for all joints."""
+ALIKE = 0.15  # largest deviation of the slopes of an acceleration from one unit for all joints
 NOISY = 0.6
 """Least correlation of a second derivative: noise of positions grows, but not its slopes."""
 LARGEST_ANGLE = 720.0
 """Two turns in degrees; larger positions beside columns that could be joints are lengths in mm."""
-UNIT_LENGTH = 1e-3
-"""Largest difference of the squared length of a quaternion from 1."""
-COPY = 0.98
-"""Least correlation of two copies of one signal."""
-_SMOOTHING = 9
-"""Rows of the moving average before the derivative, against rounding of positions."""
+UNIT_LENGTH = 1e-3  # largest difference of the squared length of a quaternion from 1
+COPY = 0.98  # least correlation of two copies of one signal
+_SMOOTHING = 9  # rows of the moving average before the derivative, against rounding of positions
 _UNITS = ((0.2, "s"), (2e2, "ms"), (2e5, "us"), (np.inf, "ns"))
 """Largest median step of a clock in each unit, for rates of 5 Hz and above."""
 KINDS: dict[str, tuple[str, ...]] = {
@@ -59,8 +51,7 @@ COMMANDED = {
 }
 OF_TIP = {"tcp", "cartesian", "eef", "flange"}
 """Words of signals in space, such as actual_TCP_speed: they are none of the joints."""
-RATED = "rated"
-"""Unit of a torque that is stated as a share of the rated one of a joint."""
+RATED = "rated"  # unit of a torque that is stated as a share of the rated one of a joint
 UNIT_WORDS: dict[str, dict[str, str]] = {
     "time": {"s": "s", "sec": "s", "ms": "ms", "us": "us", "µs": "us", "ns": "ns"},
     "position": {"rad": "rad", "deg": "deg", "degree": "deg", "degrees": "deg", "mm": "mm"},

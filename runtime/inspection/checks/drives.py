@@ -31,23 +31,17 @@ from runtime.recording.settings import COLUMNS
 
 DOMINANT = 0.5
 """Share of the torque that the links leave unexplained from which on the drives dominate."""
-REMOVED = 0.5
-"""Share of that rest that the drives must explain."""
-STILL = 0.02
-"""Travel [rad or m] below which a joint does not count."""
-WRONG_GAIN = 1.5
-"""Factor on the gains of a law that no usual error of a URDF explains."""
-CLEAR = 3.0
-"""Factor over its standard deviation from which on it is named."""
-LATE = 4.0
-"""Delay over its standard deviation from which on it is to be corrected."""
+REMOVED = 0.5  # share of that rest that the drives must explain
+STILL = 0.02  # travel [rad or m] below which a joint does not count
+WRONG_GAIN = 1.5  # factor on the gains of a law that no usual error of a URDF explains
+CLEAR = 3.0  # factor over its standard deviation from which on it is named
+LATE = 4.0  # delay over its standard deviation from which on it is to be corrected
 LONGEST_S, SHARE = 1.0, 0.1
 """Largest delay of a measured torque that is tried [s], and its largest share of the duration."""
 LATE_GAIN = 0.03
 """Share of the squared residual, geometric mean of the joints, that it must explain: 0.05 of 30 ms
 in motor currents; smaller ones change the result less than errors of the friction model."""
-LEAST_STEPS = 0.3
-"""The same delay in steps of the log from which on it is to be corrected."""
+LEAST_STEPS = 0.3  # the same delay in steps of the log from which on it is to be corrected
 
 
 def commanded(recording: Recording, plan: Recipe) -> list[Finding]:

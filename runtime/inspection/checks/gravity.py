@@ -53,14 +53,10 @@ the gravity torque that joints opposite to it must carry."""
 SURE = 6.0
 """Standard deviations from which on a sign counts; the noise of friction is not white, and 4 are
 reached by chance on logs of 5 s."""
-MUCH = 0.6
-"""Residual with another sign over that with the present one, below which it is reported."""
-ALIKE = 1.3
-"""Residual of another sign over the best one, below which the data do not decide."""
-FEW = 250
-"""Rows of the fits; more do not change the decision."""
-TURNED = 0.02
-"""Residual over torque from which on another direction is considered: a tilt of 2°."""
+MUCH = 0.6  # residual with another sign over that with the present one, below which it is reported
+ALIKE = 1.3  # residual of another sign over the best one, below which the data do not decide
+FEW = 250  # rows of the fits; more do not change the decision
+TURNED = 0.02  # residual over torque from which on another direction is considered: a tilt of 2°
 _NAMES = {1.0: "as in the model", 0.0: "absent", -1.0: "reversed"}
 SIGNS, GRAVITIES = (1.0, -1.0), tuple(_NAMES)
 """Signs of τ and factors of gravity that are compared, the present ones first."""
@@ -277,10 +273,8 @@ UNEXPLAINED, LITTLE = 0.1, 0.02
 """Residual over torque of the two cases. A tilt by the angle a leaves about a / 2."""
 AXIS = np.cos(np.radians(12.0))
 """Cosine to an axis from which on the arm counts as mounted along it: the fit errs by degrees."""
-G = 9.81
-"""m/s², for a model without gravity."""
-_SMALLEST = np.radians(1.0)
-"""Resolution of the direction."""
+G = 9.81  # m/s², for a model without gravity
+_SMALLEST = np.radians(1.0)  # resolution of the direction
 
 
 def other_direction(torque_rows: TorqueRows, evidence: dict) -> list[Finding]:

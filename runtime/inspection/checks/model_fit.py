@@ -23,31 +23,26 @@ from runtime.library.parameters import MASS, N_PARAMETERS, centre_of_mass, mass
 from runtime.recording import Friction
 from runtime.recording.rest_speeds import rest_speeds
 
-SURE = 4.0
-"""Standard deviations from which on a value is significant."""
+SURE = 4.0  # standard deviations from which on a value is significant
 TOOL_KG, TOOL_GAIN = 0.4, 0.6
 """Smallest tool that is reported [kg], and residual with it over the residual without it. The last
 links of a CAD model err by 0.3 kg (LWR 4+), a Franka hand weighs 0.73 kg."""
-STRANGE = 0.3
-"""Residual over torque above which the model does not fit the log at all."""
+STRANGE = 0.3  # residual over torque above which the model does not fit the log at all
 COUPLED, INDEPENDENT = 0.35, 30.0
 """Share of a joint's squared residual that the speed of the other joint must explain, in both
 directions, and the effective sample size that this check needs."""
-ALONE = 0.5
-"""Largest share of any joint beside the two, over that of the pair."""
+ALONE = 0.5  # largest share of any joint beside the two, over that of the pair
 MISSED = 0.2
 """Share of the whole torque that the bodies of the URDF must miss beside it: drives take nearly all
 torque of a Z1 and a Go2, whose bodies miss 0.07 of it."""
-OFF = 1.4
-"""Factor between gains that is reported; the bodies of a URDF err by less."""
+OFF = 1.4  # factor between gains that is reported; the bodies of a URDF err by less
 ALIKE = 3
 """Fewest other joints whose slopes agree to `OFF`, beside which one slope alone is a wrong gain."""
 LIMBS = 1.25
 """Factor of each of the coefficients of a joint over the median of its likes in other limbs, from
 which on it is one of the torque: at the twelve joints of a Go2 they are 0.8 to 1.3 in a log without
 a fault, and of one joint never all above 1.06, nor all below 0.92."""
-PERFECT = 5e-4
-"""Residual over torque below which the torque cannot come from a sensor."""
+PERFECT = 5e-4  # residual over torque below which the torque cannot come from a sensor
 SILENT, GOOD = 1e-5, 5e-3
 """Noise of the raw torque over its RMS, and residual over torque: below both, the torque cannot
 come from a sensor."""
@@ -55,8 +50,7 @@ FRICTIONLESS, FITTED = 1.3, 0.03
 """Residual without friction columns over that with them, median over the joints, and residual over
 torque: below both, the joints have no friction. Arms with torque sensors behind the gears reach
 2.4 to 4, motor torques 4 to 20."""
-SLOW = 0.05
-"""RMS speed over that of the fastest joint below which a joint shows no friction."""
+SLOW = 0.05  # RMS speed over that of the fastest joint below which a joint shows no friction
 _DIFFERENCES = 4
 
 

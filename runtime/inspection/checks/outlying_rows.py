@@ -21,30 +21,23 @@ from runtime.recording import Recipe, Recording
 from runtime.recording.preprocessing.segments import holes, runs
 from runtime.recording.rest_speeds import rest_speeds
 
-WINDOW = 5
-"""Rows of the median."""
+WINDOW = 5  # rows of the median
 QUANTILE, TIMES, RANGE = 0.95, 20.0, 0.02
 """Constants of the equation above. Corrupt rows are fewer than 5 % of a log; normal noise exceeds
 its 95 % quantile by a factor of 3 in millions of rows."""
 MOST_OUTLIERS = 0.05
 """Share of the rows above which a signal is noisy rather than corrupt in places."""
-APART = 10
-"""Rows between two outliers that belong to different bursts."""
-ALIKE = 0.5
-"""Smaller over larger jump of a displacement: q moves on between them."""
+APART = 10  # rows between two outliers that belong to different bursts
+ALIKE = 0.5  # smaller over larger jump of a displacement: q moves on between them
 FASTER = 2.0
 """Step across a gap over that at the largest speed of the log, above which it is a jump."""
-BEYOND = 1.2
-"""Torque over the limit of effort from which on it cannot be one of the drive."""
-FEWEST_ROWS = 50
-"""Rows below which no quantile is taken."""
-MOST_SPANS = 200
-"""Intervals that a recipe takes."""
+BEYOND = 1.2  # torque over the limit of effort from which on it cannot be one of the drive
+FEWEST_ROWS = 50  # rows below which no quantile is taken
+MOST_SPANS = 200  # intervals that a recipe takes
 _NAMES = {"q": "position", "dq": "velocity", "tau": "torque"}
 FROZEN_S, FROZEN_ROWS = 0.25, 20
 """Shortest interval that is reported: a quantised signal of a slow arm repeats some values."""
-MOST_FROZEN = 0.5
-"""Share of the rows above which a signal was not logged at all."""
+MOST_FROZEN = 0.5  # share of the rows above which a signal was not logged at all
 JUMP = 5.0
 """Step of q after the interval over the usual step of the moving arm, which shows that the arm did
 not stand still."""

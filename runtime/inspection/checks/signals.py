@@ -27,22 +27,15 @@ from runtime.recording.rest_speeds import (
     still_travels,
 )
 
-FLAT_ROWS = 5
-"""Equal extreme values in a row, while the joint moves, that make a flat top."""
-FLAT_SHARE = 0.002
-"""Share of the rows in flat tops above which a torque counts as cut off."""
-NEAR_LIMIT = 0.98
-"""Peak torque over the limit of effort from which on the joint is named."""
+FLAT_ROWS = 5  # equal extreme values in a row, while the joint moves, that make a flat top
+FLAT_SHARE = 0.002  # share of the rows in flat tops above which a torque counts as cut off
+NEAR_LIMIT = 0.98  # peak torque over the limit of effort from which on the joint is named
 AT_END = 5e-4
 """Distance from the end of the range [rad or m] within which a joint stands at its stop."""
-STOP_SHARE = 0.01
-"""Share of the rows at a stop above which it is reported."""
-MOVING_ROWS = 20
-"""Rows of a moving joint that a torque must vary over."""
-REST_SHARE, MOSTLY = 0.05, 0.9
-"""Share of resting rows above which rest is reported."""
-LITTLE = 0.1
-"""RMS torque over that of the most loaded joint below which a percentage misleads."""
+STOP_SHARE = 0.01  # share of the rows at a stop above which it is reported
+MOVING_ROWS = 20  # rows of a moving joint that a torque must vary over
+REST_SHARE, MOSTLY = 0.05, 0.9  # share of resting rows above which rest is reported
+LITTLE = 0.1  # RMS torque over that of the most loaded joint below which a percentage misleads
 
 
 def saturation(recording: Recording, lib: Library) -> list[Finding]:
@@ -217,20 +210,15 @@ def _flat_rows(values: Array, moving: Array) -> int:
     return total
 
 
-ALIKE = 0.8
-"""Correlation of dq with the derivative of q above which the two belong together."""
-TRAVEL = 0.05
-"""Travel [rad or m] from which on a joint has had a velocity."""
+ALIKE = 0.8  # correlation of dq with the derivative of q above which the two belong together
+TRAVEL = 0.05  # travel [rad or m] from which on a joint has had a velocity
 GAINED = 0.2
 """Correlation that another order must gain; the joint speeds of one motion resemble each other."""
 EXACT = 0.1
 """Residual of the filter over that of the past of dq alone, below which dq contains q alone."""
-SLOWEST, FASTEST = 0.999, 0.3
-"""Range of a; a dq with less memory is hardly late."""
-CLOSED = 0.05
-"""Distance of the gain b/(1 − a) of a filter from 1."""
-FEWEST_ROWS = 200
-"""Rows that the regression needs."""
+SLOWEST, FASTEST = 0.999, 0.3  # range of a; a dq with less memory is hardly late
+CLOSED = 0.05  # distance of the gain b/(1 − a) of a filter from 1
+FEWEST_ROWS = 200  # rows that the regression needs
 
 
 def velocity_pairs(

@@ -23,16 +23,13 @@ from runtime.recording.preprocessing import prepare
 from runtime.recording.recipes.recipe import CURRENT
 from runtime.recording.rest_speeds import rest_speeds
 
-EPSILON = 0.05
-"""Width of the smooth sign of dq, rad/s."""
+EPSILON = 0.05  # width of the smooth sign of dq, rad/s
 ROWS = 900
 """Number of rows: some hundred of them are independent, and a fit of 100 unknowns takes 50 ms."""
 FEWEST_ROWS, SLOWEST_HZ = 150, 20.0
 """Rows, and rate in Hz, below which accelerations mean nothing and no check is made."""
-ROUGH_HZ = 5.0
-"""Cut-off where the recipe has no filter, Hz."""
-SHARE = 0.2
-"""The same over the rate of the log, where the rate is low."""
+ROUGH_HZ = 5.0  # cut-off where the recipe has no filter, Hz
+SHARE = 0.2  # the same over the rate of the log, where the rate is low
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,14 +107,11 @@ def rough(recording: Recording, preparation: Preparation) -> Preparation:
     )
 
 
-SURE = 0.7
-"""Partial correlation of τ with the model's torque above which a slope is used."""
-LOADED = 0.05
-"""RMS of the model's torque over the largest one, above which a joint is used."""
+SURE = 0.7  # partial correlation of τ with the model's torque above which a slope is used
+LOADED = 0.05  # RMS of the model's torque over the largest one, above which a joint is used
 BEYOND = 10.0
 """Largest torque over the limit of effort, median of the joints, from which on τ is not in N·m."""
-USUAL = (0.5, 2.0)
-"""Slopes that the errors of a URDF explain."""
+USUAL = (0.5, 2.0)  # slopes that the errors of a URDF explain
 
 
 def scale(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]:

@@ -17,8 +17,7 @@ from runtime.recording import Recipe, Recording
 from runtime.recording.consistency import slopes_of, unwrap
 from runtime.recording.recipes.recipe import UNITS, Signal
 
-TINY = 0.06
-"""Span [rad] below which the numbers may be radians that were read as degrees."""
+TINY = 0.06  # span [rad] below which the numbers may be radians that were read as degrees
 DOUBT = 0.8
 """Mismatch of τ with gravity above which degrees are rejected though the limits allow them."""
 LOADED, DRIVEN, SHOWN, DENSE = 0.5, 0.2, 0.8, 900
@@ -26,14 +25,10 @@ LOADED, DRIVEN, SHOWN, DENSE = 0.5, 0.2, 0.8, 900
 alone over the variance of τ, up to which drives take nearly all of it (0.02 Z1, 0.11 TX40); squared
 residual with gravity over that, below which τ shows gravity nevertheless (0.6 Z1, 0.2 TX40, 0.97
 motor angles of a TX40 read as degrees); number of rows."""
-MEAN_S = 0.05
-"""Moving mean of positions and torque before they are differentiated [s]."""
-SLOPE = 0.15
-"""Distance of s from 1 that is accepted."""
-FEWEST_ROWS = 20
-"""Rows that a slope needs."""
-USUAL_RATES = (2.0, 2e4)
-"""Rates of loggers, Hz."""
+MEAN_S = 0.05  # moving mean of positions and torque before they are differentiated [s]
+SLOPE = 0.15  # distance of s from 1 that is accepted
+FEWEST_ROWS = 20  # rows that a slope needs
+USUAL_RATES = (2.0, 2e4)  # rates of loggers, Hz
 _ANGULAR = {"position": ("rad", "deg"), "velocity": ("rad/s", "deg/s", "rpm")}
 
 

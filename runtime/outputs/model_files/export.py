@@ -111,8 +111,7 @@ def _reloaded(model: IdentifiedModel, chosen: ExportFormat) -> tuple[Any, str]:
         raise ExportError(f"not written: cannot reload the {chosen.name} ({error})") from None
 
 
-STATES = 20
-"""Random states at which the model is compared with the library."""
+STATES = 20  # random states at which the model is compared with the library
 MISSING = "expected {} to be installed, found none; run: {}"
 
 

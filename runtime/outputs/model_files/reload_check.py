@@ -14,8 +14,7 @@ from runtime.outputs.model_files.model import IdentifiedModel
 
 TOLERANCE = 1e-9
 """Torque difference over the largest torque; 17 digits and two recursions leave about 1e-14."""
-REMEDY = "run: python -m symgen build"
-"""A robot that was changed after its build is built again."""
+REMEDY = "run: python -m symgen build"  # a robot that was changed after its build is built again
 
 
 def compare_reloaded(engine: ModuleType, model: IdentifiedModel, text: str) -> str:

@@ -29,8 +29,7 @@ from runtime.outputs.model_files.joint_friction import TERMS, drives_of, joint_f
 from runtime.outputs.model_files.model import make_model, require_consistent
 from runtime.outputs.model_files.urdf_tree import read_tree
 
-FEW = 4
-"""Random states at which later files of a format are compared."""
+FEW = 4  # random states at which later files of a format are compared
 TABLE, ARRAYS = "samples.json", "samples.npz"
 
 
@@ -106,8 +105,7 @@ SIMULATORS = ("playground", "mjlab", "isaaclab")
 """Simulators for which a Python file is written; its text lies in `randomisers/`."""
 RANDOMISERS = (*SIMULATORS, "json")
 RANDOM_ARRAYS, RANGES = "randomisation.npz", "randomisation.json"
-SHARE = 0.95
-"""Share of the draws that the ranges hold."""
+SHARE = 0.95  # share of the draws that the ranges hold
 
 
 def randomiser_paths(folder: Path, kinds: Sequence[str]) -> list[Path]:

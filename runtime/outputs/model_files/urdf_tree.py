@@ -83,8 +83,7 @@ def quoted(name: str) -> str:
     return f'"{escaped}"'
 
 
-WORLD = "world"
-"""Name of a root link that MuJoCo and SDF predefine."""
+WORLD = "world"  # name of a root link that MuJoCo and SDF predefine
 
 
 @dataclass(frozen=True, slots=True, eq=False)

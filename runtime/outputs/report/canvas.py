@@ -52,10 +52,8 @@ _VARIABLES = {
 }
 """CSS variables for colours of pages and of figures that are also saved as files."""
 FORMATS = ("png", "pdf", "svg")
-WIDTH = 10.0
-"""Width of a figure of a page [inch]; the page scales it."""
-OWNER = "m:"
-"""Prefix of the gid of an artist that belongs to a method."""
+WIDTH = 10.0  # width of a figure of a page [inch]; the page scales it
+OWNER = "m:"  # prefix of the gid of an artist that belongs to a method
 
 
 def settings(ink: str = INK, line: str = GREY, grid: str = PALE) -> dict[str, Any]:

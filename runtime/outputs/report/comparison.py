@@ -19,8 +19,7 @@ from runtime.outputs.report.page import Page, Section, Tile, provenance
 
 NAME = "compare.json"
 FORMAT = 1
-LARGEST_RMS = 1e9
-"""Largest RMS torque error that is drawn [N·m, N]."""
+LARGEST_RMS = 1e9  # largest RMS torque error that is drawn [N·m, N]
 _AGAIN = "run the comparison again, or give its output folder"
 
 GLOSSARY = (

@@ -10,10 +10,8 @@ from runtime.monitoring.observation import Observation
 from runtime.outputs.report import canvas
 from runtime.recording import Recording
 
-POINTS = 4000
-"""Largest number of points of one curve."""
-_GAP = 10.0
-"""Time step of a gap, in median time steps."""
+POINTS = 4000  # largest number of points of one curve
+_GAP = 10.0  # time step of a gap, in median time steps
 _DASHES = ("-", "--", ":")
 
 

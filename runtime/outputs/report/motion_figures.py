@@ -20,11 +20,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from mpl_toolkits.mplot3d import Axes3D
 
-CLOSEST = 4
-"""Number of emphasised distances, those with the least distance − margin."""
+CLOSEST = 4  # number of emphasised distances, those with the least distance − margin
 
-NEAR = 0.3
-"""Upper end of the panel where all emphasised distances fall below it [m]."""
+NEAR = 0.3  # upper end of the panel where all emphasised distances fall below it [m]
 
 BOLD = ((canvas.BLUE, "-"), (canvas.ORANGE, "--"), (canvas.GREEN, "-."), (canvas.PURPLE, ":"))
 
@@ -155,12 +153,10 @@ LINES = {
 }
 """Colour and line style, which is also distinguishable in black and white."""
 PER_SECOND = {"position": "", "velocity": "/s", "acceleration": "/s²"}
-FAR = 3.0
-"""Largest drawn limit, in peaks of the curve; larger ones stand in the title."""
+FAR = 3.0  # largest drawn limit, in peaks of the curve; larger ones stand in the title
 DPI = 130
 _ACROSS = 4
-_WIDE = 1000.0
-"""Position beyond the range of any joint [rad, m]."""
+_WIDE = 1000.0  # position beyond the range of any joint [rad, m]
 
 
 def write_pictures(profile: MotionProfile, path: Path) -> tuple[Path, ...]:

@@ -20,8 +20,7 @@ ROOT = "/robot"
 HOST = "127.0.0.1"
 PATH_POINTS = 400
 PATH_COLOUR = (213, 94, 0)
-FRAME_S = 0.04
-"""Time step of an exported film [s]."""
+FRAME_S = 0.04  # time step of an exported film [s]
 
 
 class Scene:
@@ -95,8 +94,7 @@ def parts(pose: Array) -> tuple[Array, Array, tuple[float, float, float]]:
     return pose[:3, 3], turn.as_quat(scalar_first=True), (x, y, z)
 
 
-RATE_HZ = 100.0
-"""Sample rate of a trajectory [Hz]."""
+RATE_HZ = 100.0  # sample rate of a trajectory [Hz]
 
 TRAJECTORY = ".json"
 
@@ -154,8 +152,7 @@ TICK_S = 1 / 30
 BARS_S = 0.1
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
 _GOOD, _FULL = "#0072B2", "#D55E00"
-NEAR = 0.95
-"""Share of a limit from which the bar changes its colour."""
+NEAR = 0.95  # share of a limit from which the bar changes its colour
 
 
 class Player:

@@ -6,8 +6,7 @@ import numpy as np
 
 from runtime.library import Array, Library
 
-STATES = 1000
-"""Number of random states at which torques are compared."""
+STATES = 1000  # number of random states at which torques are compared
 
 
 class Unreadable(Exception):

@@ -12,8 +12,7 @@ from runtime.library import Array, Library
 from runtime.outputs.model_files.engines.answer import STATES, Reloaded, Unreadable, random_states
 
 INSTALL = "pip install mujoco"
-CLOSED_STATES = 20
-"""States at which equalities are checked."""
+CLOSED_STATES = 20  # states at which equalities are checked
 CLOSED, RANK = 1e-8, 1e-6
 """Residual and slope of equalities [m, rad] that count as rounding; smallest singular value."""
 

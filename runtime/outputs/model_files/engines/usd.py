@@ -12,8 +12,7 @@ from runtime.outputs.model_files.model import IdentifiedModel
 from runtime.outputs.model_files.urdf_tree import RigidBody
 
 INSTALL = "pip install 'symgen[export]'"
-SINGLE = 1e-6
-"""Of single-precision attributes, relative: two roundings to 24 bits and the degrees."""
+SINGLE = 1e-6  # of single-precision attributes, relative: two roundings to 24 bits and the degrees
 _PER_DEGREE = 180 / np.pi
 _AXIS = "physxJointAxis:{axis}"
 TERMS = {

@@ -27,8 +27,7 @@ from runtime.outputs.model_files.reload_check import REMEDY, require_torques, un
 from runtime.outputs.model_files.urdf_tree import digits
 
 INSTALL = "install a C compiler, or name one in CC"
-SECONDS = 60
-"""Time limit of the program that prints the arrays [s]."""
+SECONDS = 60  # time limit of the program that prints the arrays [s]
 
 
 def read_back(text: str, names: Mapping[str, tuple[int, ...]]) -> dict[str, Array] | None:

@@ -24,8 +24,7 @@ from runtime.outputs.model_files.model import (
 from runtime.outputs.model_files.reload_check import compare_reloaded
 from runtime.outputs.model_files.urdf_tree import WORLD, Edge, digits, quaternion, row
 
-LEVER = 0.1
-"""Distance of the two points along the axis of a revolute loop joint [m]."""
+LEVER = 0.1  # distance of the two points along the axis of a revolute loop joint [m]
 
 
 def require_equalities(model: IdentifiedModel) -> None:

@@ -16,8 +16,7 @@ from runtime.outputs.model_files.model import IdentifiedModel, require_no_coupli
 from runtime.outputs.model_files.reload_check import compare_reloaded
 from runtime.outputs.model_files.urdf_tree import WORLD, Edge, RigidBody, digits, quaternion, row
 
-UNLIMITED = 1e16
-"""Value of a limit that SDF reads as none [rad, m]."""
+UNLIMITED = 1e16  # value of a limit that SDF reads as none [rad, m]
 MASSLESS = "A link without mass is a frame in this file, because SDF would give it 1 kg."
 
 

@@ -24,8 +24,7 @@ from runtime.outputs.model_files.model import IdentifiedModel
 from runtime.outputs.model_files.reload_check import compare_reloaded, reloaded_fault, unchecked
 from runtime.outputs.model_files.urdf_tree import digits, link_keys, quoted, row, short_names
 
-Tables = dict[str, Any]
-"""Nested tables of numbers, texts, lists of texts and None."""
+Tables = dict[str, Any]  # nested tables of numbers, texts, lists of texts and None
 Content = Callable[[IdentifiedModel], tuple[tuple[str, ...], Tables]]
 """Comment lines and tables of a file."""
 

@@ -24,10 +24,8 @@ from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Integers, Library
 from runtime.recording.rest_speeds import rest_speeds
 
-ROWS = 400
-"""Rows of the regressions: residuals differ by factors."""
-WIDTH = 2.5
-"""Width ε of the smooth sign over the speed of rest."""
+ROWS = 400  # rows of the regressions: residuals differ by factors
+WIDTH = 2.5  # width ε of the smooth sign over the speed of rest
 MOVES, FEWEST = 0.2, 30
 """Share of the rows, and their number, in which a joint must move to be tested."""
 EVIDENCE = 1.0
@@ -38,10 +36,8 @@ GOOD = 0.3
 ALIKE, NEAR = 0.5, 0.1
 """E below that of the best fault up to which another fault is named beside it; the same over its E
 where that is more: an exchange with a joint that hardly moves explains as much as a sign."""
-FLOOR = 1e-3
-"""Least ρ: a fit below a thousandth is as good as any."""
-MOST = 4
-"""Faults that are undone one after the other."""
+FLOOR = 1e-3  # least ρ: a fit below a thousandth is as good as any
+MOST = 4  # faults that are undone one after the other
 TORQUE_SIGN, POSITION_SIGN, BOTH_SIGN = "torque_sign", "position_sign", "joint_sign"
 TORQUE_ORDER, POSITION_ORDER = "torque_order", "position_order"
 REVERSED, GRAVITY = "every_torque_sign", "gravity"

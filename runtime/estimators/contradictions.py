@@ -48,8 +48,7 @@ costs less than 0.1 per factor of ten in the volume of the body, and moves T by 
 NEXT = 0.5
 """Part of the largest decrease of T from which another link is named, too: neighbouring links share
 base parameters, so a body on one looks much like a body on the other."""
-EXPLAINS = 0.3
-"""Part of the excess of T that one link must explain for single links to be named."""
+EXPLAINS = 0.3  # part of the excess of T that one link must explain for single links to be named
 OTHER = 0.35
 """Share of the torque of links that a prior misses from which on it is of another robot: 0.03 to
 0.13 for the URDFs of real logs, 0.26 for a tool of 1.5 kg that one of them lacks."""
@@ -178,8 +177,7 @@ VISIBLE = 0.10
 """Deviation of a torque gain that a log should show; joints whose limit is higher are named."""
 LARGEST = np.radians(10.0)
 """Limit of an encoder zero or tilt from which on a log is said not to show it."""
-CERTAIN = 3.0
-"""Change of the mass of a released link over its σ from which on it is stated."""
+CERTAIN = 3.0  # change of the mass of a released link over its σ from which on it is stated
 FOLLOWS = "; the result follows the data"
 """End of a sentence on a URDF or prior that is off, which is no reason to doubt the result."""
 UNFITTED = 2.0

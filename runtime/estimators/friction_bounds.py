@@ -22,12 +22,9 @@ from runtime.recording.settings import names_where
 MOST = 10.0
 """Largest torque of one friction column, RMS over that of the joint: columns that cancel each other
 may exceed the torque, but ten times is beyond what a motion can determine."""
-ROUNDS = 20
-"""Limit of the number of solutions; two or three are usual."""
-BLOCKED = 5
-"""Solutions after which one coefficient at a time is exchanged, which cannot cycle."""
-MULTIPLIER = 1e-9
-"""Multiplier, relative to column times torque, below which it counts as zero."""
+ROUNDS = 20  # limit of the number of solutions; two or three are usual
+BLOCKED = 5  # solutions after which one coefficient at a time is exchanged, which cannot cycle
+MULTIPLIER = 1e-9  # multiplier, relative to column times torque, below which it counts as zero
 
 NEGATIVE = 0.01
 """Torque of a negative coefficient relative to that of the joint above which its cause is stated;
@@ -36,16 +33,14 @@ EVIDENCE = 0.05
 """Evidence for a coefficient above which its cause is stated. 1000 rows of 7 joints, a tenth of
 them effective, determine a coefficient to 0.04; correct simulated logs reach 0.017, those with a
 reversed joint at least 0.1."""
-TINY = 1e-300
-"""Smallest divisor: an exact fit has no residual."""
+TINY = 1e-300  # smallest divisor: an exact fit has no residual
 NEGATIVE_CAUSE = (
     "a joint is not driven by its friction or its rotor: a velocity or torque is reversed, joints "
     "are exchanged, a gear ratio is missing, or the friction falls with speed; check the log with "
     "symgen inspect"
 )
 
-OF = " of "
-"""Between the name of a column and that of its joint."""
+OF = " of "  # between the name of a column and that of its joint
 
 Answer = TypeVar("Answer")
 

@@ -15,8 +15,7 @@ import numpy as np
 
 from runtime.library import Array
 
-_ROUNDING = 1e-12
-"""Rise of a cost, relative to it, that counts as rounding."""
+_ROUNDING = 1e-12  # rise of a cost, relative to it, that counts as rounding
 
 
 @dataclass(frozen=True, slots=True, eq=False)

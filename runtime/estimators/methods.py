@@ -11,8 +11,7 @@ from runtime.library import Library
 from runtime.recording.settings import COLUMNS
 from runtime.registry import Registry
 
-DEFAULT = "map"
-"""The method where neither a name nor a preset is given."""
+DEFAULT = "map"  # the method where neither a name nor a preset is given
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -55,11 +55,9 @@ from runtime.recording import Friction
 from runtime.recording.friction.columns import ROTOR
 from runtime.recording.settings import COLUMNS, WIDTHS, widths_of
 
-LARGEST_PRIOR = 1e9
-"""Largest number of the tables [SI]."""
+LARGEST_PRIOR = 1e9  # largest number of the tables [SI]
 INFLATION = "inflation"
-ALIKE = 1e-9
-"""Relative difference below which two widths are the same."""
+ALIKE = 1e-9  # relative difference below which two widths are the same
 
 Real = Annotated[float, Meta(gt=-LARGEST_PRIOR, lt=LARGEST_PRIOR)]
 Least = Annotated[float, Meta(ge=0, lt=LARGEST_PRIOR)]
@@ -180,10 +178,8 @@ def _refuse(where: str, wanted: str, came: object) -> NoReturn:
     raise IdentificationError(f"{where} expects {wanted}, got {came!s:.60}; correct it")
 
 
-LARGEST_ROTOR = 1e6
-"""Limit of a rotor inertia [kg·m², kg]."""
-SHARE = 0.5
-"""Standard deviation over the value where none is stated."""
+LARGEST_ROTOR = 1e6  # limit of a rotor inertia [kg·m², kg]
+SHARE = 0.5  # standard deviation over the value where none is stated
 TRUST = {"cad": CAD, "gripper": GRIPPER, "none": NONE}
 MIRRORED = {"xy": ("mZ", "XZ", "YZ"), "xz": ("mY", "XY", "YZ"), "yz": ("mX", "XY", "XZ")}
 """Entries of π that vanish for a body that is symmetric about a plane of its link frame."""

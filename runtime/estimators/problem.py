@@ -23,10 +23,8 @@ from runtime.library import Array, Library, Mask
 from runtime.library.parameters import lam_from_parts, lam_parts, links, mass
 from runtime.recording import Friction, Recording
 
-USUAL = 2.0
-"""Median mass of a link of usual arms, kg."""
-WITHIN = 16.0
-"""Factor on it within which the unit stays 1 kg."""
+USUAL = 2.0  # median mass of a link of usual arms, kg
+WITHIN = 16.0  # factor on it within which the unit stays 1 kg
 
 
 @dataclass(frozen=True, slots=True)

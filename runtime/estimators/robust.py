@@ -27,25 +27,17 @@ from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 
 LENGTH = 10
-FEWEST_BLOCKS = 20
-"""Blocks below which their spread is not known."""
-K = 3.0
-"""Threshold of ln u above its median in robust standard deviations."""
-G = 3.0
-"""Thresholds beyond which the influence of a block falls."""
-H = 3.0
-"""Size of a block's rows relative to the 90 % quantile above which they count less."""
-PASSES, STEADY = 15, 0.01
-"""Limit of the number of fits, and largest change of a weight at the end."""
+FEWEST_BLOCKS = 20  # blocks below which their spread is not known
+K = 3.0  # threshold of ln u above its median in robust standard deviations
+G = 3.0  # thresholds beyond which the influence of a block falls
+H = 3.0  # size of a block's rows relative to the 90 % quantile above which they count less
+PASSES, STEADY = 15, 0.01  # limit of the number of fits, and largest change of a weight at the end
 KEPT, STEPS, STARTS = 0.7, 6, 4
 """Share of blocks that trimmed least squares fits, number of its steps, and parts of the log that
 are left out one by one to start it."""
-ROWS = 4000
-"""Rows that each of these fits takes, evenly spread."""
-ABSENT = 1e-12
-"""Weight of a block that a fit leaves out."""
-NORMAL = 1.4826
-"""Standard deviation over the median absolute deviation of a normal distribution."""
+ROWS = 4000  # rows that each of these fits takes, evenly spread
+ABSENT = 1e-12  # weight of a block that a fit leaves out
+NORMAL = 1.4826  # standard deviation over the median absolute deviation of a normal distribution
 _LISTED = 5
 
 

@@ -50,14 +50,12 @@ from runtime.estimators.regression.samples import (
 )
 from runtime.library import Array, Library
 
-ROUND = 1 / 3
-"""Smallest eigenvalue of Σ_com over their sum of a round body."""
+ROUND = 1 / 3  # smallest eigenvalue of Σ_com over their sum of a round body
 IDENTIFIED, PRIOR_DOMINATED, UNOBSERVABLE = "identified", "prior-dominated", "unobservable"
 ALONE = 0.5
 """Share of the posterior precision of a base parameter that the data bring without the prior, below
 which the prior decides: its interval holds more often than its level states, up to 100 %."""
-BAND_SAMPLES = 200
-"""Samples whose bands a report summarises."""
+BAND_SAMPLES = 200  # samples whose bands a report summarises
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -45,17 +45,12 @@ from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.unit_conversion import scaled
 
-SCALE = 2e-3
-"""Relative standard deviation of a scale."""
+SCALE = 2e-3  # relative standard deviation of a scale
 _PASSES, _HALVINGS = 60, 12
-_CLOSE = 1e-3
-"""Step of z, in standard deviations of the prior, at which the passes end."""
-MOST_ROWS, FEWEST_ROWS = 1500, 100
-"""Rows that are used, and fewest that suffice."""
-WEAK = 10.0
-"""Factor on the spread of the prior with which the data alone are asked for a gain."""
-_SEEN = 5.0
-"""c over its standard deviation below which a current shows no torque of the links."""
+_CLOSE = 1e-3  # step of z, in standard deviations of the prior, at which the passes end
+MOST_ROWS, FEWEST_ROWS = 1500, 100  # rows that are used, and fewest that suffice
+WEAK = 10.0  # factor on the spread of the prior with which the data alone are asked for a gain
+_SEEN = 5.0  # c over its standard deviation below which a current shows no torque of the links
 
 
 @dataclass(frozen=True, slots=True)

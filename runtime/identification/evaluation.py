@@ -41,10 +41,8 @@ from runtime.recording.row_marks import SAME
 from runtime.recording.settings import COLUMNS
 from runtime.simulation.commanded_motion import ServoDrive, commanded_motion
 
-FIRST = 5
-"""Rows whose slope is the first velocity, where none was measured, and of a joint at rest."""
-MOST_SECONDS = 300.0
-"""Length of the part that is predicted [s]."""
+FIRST = 5  # rows whose slope is the first velocity, where none was measured, and of a joint at rest
+MOST_SECONDS = 300.0  # length of the part that is predicted [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,11 +157,9 @@ def _delay(saved: SavedResult, prepared: Recording, n: int) -> Array:
 
 
 SAMPLES = 4096
-STARTS = 4
-"""Positions from which λ_min descends; of more, hardly one ends lower."""
+STARTS = 4  # positions from which λ_min descends; of more, hardly one ends lower
 CONFIDENCE = 0.95
-_HALF_RANGE = {"prismatic": 1.0}
-"""Half range of joints without limits [m]; others turn by ±π."""
+_HALF_RANGE = {"prismatic": 1.0}  # half range of joints without limits [m]; others turn by ±π
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,8 +258,7 @@ SEEN = (
     "the model was fitted to {:.0f} % of the rows of this log: these are errors of the fit, not of "
     "a test; give a log that identify has not read"
 )
-UNLIKE = 100.0
-"""Torque error above which the model is worse than no model, %."""
+UNLIKE = 100.0  # torque error above which the model is worse than no model, %
 WORSE = (
     "an error of {:.0f} % is larger than the torque itself: order, sign or unit of the joints, the "
     "payload or the robot of this log differ from those of identify; run: symgen inspect {}"

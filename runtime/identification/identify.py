@@ -310,8 +310,7 @@ def _of(log: NamedLog, settings: Settings) -> Settings:
     return settings if log.preparation is None else replace(settings, preparation=log.preparation)
 
 
-LATEST = 1.0
-"""Largest delay that is stated [s]."""
+LATEST = 1.0  # largest delay that is stated [s]
 
 
 def drive_request(data: PreparedLog, settings: Settings, method: str) -> DriveRequest | None:

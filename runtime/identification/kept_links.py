@@ -32,15 +32,11 @@ from runtime.recording import Recording
 
 LEAST_SHARE = 0.1
 """Least torque of a change that is expected of a column, over the RMS torque of its joint."""
-PASSES = 3
-"""Fits, each with the weights and the noise of the residuals of the one before."""
+PASSES = 3  # fits, each with the weights and the noise of the residuals of the one before
 ROWS = 8192
-QUIET = 1e-6
-"""Least residual of a joint over its RMS torque: rounding, where a model is exact."""
-TINY = 1e-12
-"""Least standard deviation and noise: a log without torque has none."""
-FREE = "pc-ols"
-"""Method with the rules of a fit without inertial prior: it is repeated on all rows."""
+QUIET = 1e-6  # least residual of a joint over its RMS torque: rounding, where a model is exact
+TINY = 1e-12  # least standard deviation and noise: a log without torque has none
+FREE = "pc-ols"  # method with the rules of a fit without inertial prior: it is repeated on all rows
 STATUS = "friction of this log, links of an earlier result"
 
 

@@ -54,14 +54,10 @@ from runtime.recording.recording import ARRAYS
 from runtime.recording.settings import COLUMNS
 from runtime.recording.streamed import RawRows, StreamedRecording
 
-BLOCK = 65536
-"""Rows of a block: a minute at 1 kHz, about ten megabytes."""
-FADING = 30.0
-"""Time constants of the filter in the overlap."""
-AHEAD = 3
-"""Largest number of blocks that are prepared while another one is used."""
-REACH = 4096
-"""Rows of which at least one has a usable time stamp."""
+BLOCK = 65536  # rows of a block: a minute at 1 kHz, about ten megabytes
+FADING = 30.0  # time constants of the filter in the overlap
+AHEAD = 3  # largest number of blocks that are prepared while another one is used
+REACH = 4096  # rows of which at least one has a usable time stamp
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -33,8 +33,7 @@ from runtime.library.compiled_descent import CompiledConvex, ConvexTask
 DECREMENT, MOST_STEPS = 1e-12, 50
 """Newton's tolerance in units of γ, 1e-5 of a standard deviation from the minimum, and its limit of
 steps."""
-PERFECT = 1e-12
-"""Squared noise over squared torque below which data count as exact."""
+PERFECT = 1e-12  # squared noise over squared torque below which data count as exact
 
 
 @dataclass(frozen=True, slots=True)

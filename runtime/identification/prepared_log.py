@@ -44,8 +44,7 @@ from runtime.recording.settings import has_memory
 from runtime.recording.static_poses import static_poses
 from runtime.recording.streamed import StreamedRecording
 
-_ANY_HZ = 1.0
-"""Placeholder of a cut-off that cross-validation replaces, Hz."""
+_ANY_HZ = 1.0  # placeholder of a cut-off that cross-validation replaces, Hz
 
 
 @dataclass(frozen=True, slots=True, eq=False)

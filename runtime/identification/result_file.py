@@ -42,15 +42,12 @@ from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.rest_speeds import STILL
 from runtime.recording.settings import COLUMNS, WIDTHS
 
-SUSPICIOUSLY_GOOD = 1e-4
-"""Overall error [%] below which a torque cannot come from a real sensor."""
-WORSE = 1.1
-"""Error of the result over that of the URDF above which the difference is hardly chance."""
+SUSPICIOUSLY_GOOD = 1e-4  # overall error [%] below which a torque cannot come from a real sensor
+WORSE = 1.1  # error of the result over that of the URDF above which the difference is hardly chance
 UNEXPLAINED = 20.0
 """Overall error [%] above which the cause is not the method: all real logs that were tried end
 below 10 % once units, filter and friction are right."""
-RETRACED = 0.8
-"""Share of test rows near a training row above which the test is no new motion."""
+RETRACED = 0.8  # share of test rows near a training row above which the test is no new motion
 _NEAR = 0.05
 """Largest difference of a position or speed, over its range in training, of rows that count as
 equal: controllers repeat a motion within 1 %."""

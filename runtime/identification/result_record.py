@@ -17,8 +17,7 @@ from runtime.identification.metrics import TorqueError
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, centre_of_mass, links, mass
 
-FORMAT = 3
-"""Number of the present format; a change that an older reader would misread raises it."""
+FORMAT = 3  # number of the present format; a change that an older reader would misread raises it
 
 RENAMED = {
     "own_offset_overall": "log_offset_overall",

@@ -11,8 +11,7 @@ from runtime.identification.metrics import CONSISTENCY_TOLERANCE
 from runtime.identification.result_record import ErrorPercent, ErrorRms, LinkPart, ResultRecord
 from runtime.library.parameters import PI_NAMES
 
-NOT_RUN = "not run"
-"""Outcome of a method that needs more than the log offers."""
+NOT_RUN = "not run"  # outcome of a method that needs more than the log offers
 MODELS = (
     ("URDF", "before_overall"),
     ("URDF with friction fitted", "urdf_friction_overall"),

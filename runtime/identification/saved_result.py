@@ -125,8 +125,7 @@ def same_place(a: JointPlace, b: JointPlace) -> bool:
     return near and (a.kind, a.parent) == (b.kind, b.parent)
 
 
-LARGEST_VALUE = 1e9
-"""Bound of π and φ in SI units; larger values and NaN are refused."""
+LARGEST_VALUE = 1e9  # bound of π and φ in SI units; larger values and NaN are refused
 _SHAPE = re.compile(r"\((?P<sides>[\w ]+,[\w ,]*)\)(?P<empty>;| or empty)?")
 """Shape of a list in the meaning of its key."""
 _REST = re.compile(r"^: |; (correct it|add it|write it flat)$")

@@ -44,14 +44,11 @@ from runtime.recording.recording import require_recording
 _ITERATIONS = 60
 _CONVERGED = 1e-9
 _HALVINGS = 30
-_PERFECT = 1e-9
-"""Noise relative to the largest channel below which data count as exact."""
+_PERFECT = 1e-9  # noise relative to the largest channel below which data count as exact
 RUNS = ("empty", "loaded")
-FEWEST_ROWS = 50
-"""Samples of a run below which neither noise nor correlation can be estimated."""
+FEWEST_ROWS = 50  # samples of a run below which neither noise nor correlation can be estimated
 _BLOCK = 4096
-MOST_ROWS = 6000
-"""Rows of both runs above which the error of the model is estimated from as many."""
+MOST_ROWS = 6000  # rows of both runs above which the error of the model is estimated from as many
 _DIGITS = 1e-4
 """Relative difference up to which torques count as the same, written with fewer digits."""
 
@@ -272,10 +269,8 @@ def _reading(run: Recording) -> tuple[object, ...]:
 
 
 Claims = Mask
-LARGEST_SIGMA = 0.1
-"""Relative σ above which a gain counts as not determined."""
-_CLEAR = 3.0
-"""Standard deviations from which on a difference is significant."""
+LARGEST_SIGMA = 0.1  # relative σ above which a gain counts as not determined
+_CLEAR = 3.0  # standard deviations from which on a difference is significant
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,18 +20,13 @@ from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.friction.model import default_terms
 from runtime.recording.streamed import StreamedRecording
 
-AUTO = "auto"
-"""Word for a friction model, cut-off, regressor or delay that is chosen from the log."""
-PER_JOINT = "per-joint"
-"""Word for one delay per joint."""
-NO_FRICTION = "none"
-"""Word for a fit of the inertia only."""
-OF_PREPARATION = ("cutoff", "rate", "regressor")
-"""Fields in place of single steps of a preparation."""
+AUTO = "auto"  # word for a friction model, cut-off, regressor or delay that is chosen from the log
+PER_JOINT = "per-joint"  # word for one delay per joint
+NO_FRICTION = "none"  # word for a fit of the inertia only
+OF_PREPARATION = ("cutoff", "rate", "regressor")  # fields in place of single steps of a preparation
 
 
-GAIN_SIGMA = 0.02
-"""Relative standard deviation of torque gains where no data sheet states it."""
+GAIN_SIGMA = 0.02  # relative standard deviation of torque gains where no data sheet states it
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -54,10 +54,8 @@ from runtime.recording.settings import COLUMNS
 from runtime.recording.streamed import StreamedRecording
 
 PASSES = 30
-CLOSE = 1e-5
-"""Change of g at which the passes end, far below what a log determines."""
-LEAST = 0.05
-"""Smallest 1 + g by which h is divided."""
+CLOSE = 1e-5  # change of g at which the passes end, far below what a log determines
+LEAST = 0.05  # smallest 1 + g by which h is divided
 
 
 def is_torque(names: Iterable[str]) -> Mask:

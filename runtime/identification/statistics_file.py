@@ -34,10 +34,8 @@ from runtime.recording.row_marks import Marks
 from runtime.recording.settings import WIDTHS, Friction
 
 FILE = "statistics.npz"
-FORMAT = 1
-"""Version of the file; a later one is refused."""
-MARK = "symgen_statistics"
-"""Key of the version, by which the file is recognised."""
+FORMAT = 1  # version of the file; a later one is refused
+MARK = "symgen_statistics"  # key of the version, by which the file is recognised
 LARGEST_ACCEPTED = 1e100
 """Size from which on a number is damage [SI]: its square times that of another overflows, and
 matplotlib cannot draw much larger ones."""

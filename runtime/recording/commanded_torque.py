@@ -18,8 +18,7 @@ from runtime.recording.recipes.recipe import COMMANDED, ControlLaw
 from runtime.recording.recording import Recording
 from runtime.recording.settings import Preparation
 
-MOST_TRIMMED = 0.05
-"""Largest share of the duration that is left out at either end."""
+MOST_TRIMMED = 0.05  # largest share of the duration that is left out at either end
 
 
 def commanded_torque(

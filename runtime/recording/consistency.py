@@ -16,20 +16,16 @@ from runtime.recording.recipes.default_convention import states_unread
 from runtime.recording.recording import Recording
 
 STRIDE = 5
-ROWS = 4096
-"""Rows whose steps are computed together."""
-STILL = 1e-12
-"""Largest ∫dq dt that counts as rest [rad, m]."""
+ROWS = 4096  # rows whose steps are computed together
+STILL = 1e-12  # largest ∫dq dt that counts as rest [rad, m]
 USUAL_STEP = 0.5
 """Median step above which the rows are not a motion, but drawn at random for example [rad]."""
 TIMES_USUAL, BESIDE_TURN = 20.0, (0.05, 0.5)
 """Largest distance of a jump from one turn, over the 99 % quantile of the steps of the joint, and
 its bounds [rad]: a gap of some rows moves it further, a corrupt row lies anywhere."""
 DEGREE = 180.0 / np.pi
-NEAR = 0.15
-"""Relative distance of a slope from that of a unit, below which it names the unit."""
-FEWEST_SIGNED = 3
-"""Joints with a varying torque, from which on one sign of all is none of gravity."""
+NEAR = 0.15  # relative distance of a slope from that of a unit, below which it names the unit
+FEWEST_SIGNED = 3  # joints with a varying torque, from which on one sign of all is none of gravity
 UNITS_OF_TIME = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "s declared as ms": 1e3}
 """Slopes by unit of the time."""
 
@@ -136,8 +132,7 @@ BEYOND_LIMIT = 1.0
 LEAST_TORQUE = 1e-9
 """Largest torque below which nothing was measured, or the unit is wrong [N·m, N]."""
 
-LEAST_RATE = 2.0
-"""Rate below which differences of positions do not determine the velocity [Hz]."""
+LEAST_RATE = 2.0  # rate below which differences of positions do not determine the velocity [Hz]
 
 
 def require_plausible(recording: Recording, lib: Library) -> None:

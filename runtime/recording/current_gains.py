@@ -11,8 +11,7 @@ import numpy as np
 from runtime.common.tables import significant
 from runtime.library import Array
 
-LARGEST_SIGMA = 0.1
-"""Relative standard deviation above which a gain counts as not determined."""
+LARGEST_SIGMA = 0.1  # relative standard deviation above which a gain counts as not determined
 DETERMINED = "determined"
 UP_TO_FACTOR = "determined up to the common factor"
 OF_URDF = "from the masses of the URDF"

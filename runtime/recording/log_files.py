@@ -84,8 +84,7 @@ def _download(name: str) -> Path:
     return folder
 
 
-PICKLES = (".pt", ".pth", ".pkl", ".pickle")
-"""Suffixes of files that only unpickling reads."""
+PICKLES = (".pt", ".pth", ".pkl", ".pickle")  # suffixes of files that only unpickling reads
 MOST_JOINTS = 64
 """Length up to which an array with one axis holds one number per joint, not one per instant."""
 

@@ -45,10 +45,8 @@ def require_clock(t: Array) -> None:
 
 
 SIGNALS = ("q", "dq", "ddq", "tau")
-ARRAYS = (*SIGNALS, "columns", "rows")
-"""Names of the arrays with one entry per instant."""
-ALL = (*ARRAYS, "signals")
-"""Names of all fields with one entry per instant."""
+ARRAYS = (*SIGNALS, "columns", "rows")  # names of the arrays with one entry per instant
+ALL = (*ARRAYS, "signals")  # names of all fields with one entry per instant
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,8 +12,7 @@ from runtime.library import Array, Library
 REST_SPEED = 0.02
 """Speed [rad/s, or m/s with a range of 1 m] below which a joint rests: above the noise of filtered
 encoders, and below it Coulomb friction takes any value."""
-STILL = 1e-3
-"""Travel [rad, or m with a range of 1 m] of a joint at rest, by noise and vibration."""
+STILL = 1e-3  # travel [rad, or m with a range of 1 m] of a joint at rest, by noise and vibration
 
 
 def _sizes(lib: Library) -> Array:

@@ -16,21 +16,16 @@ from runtime.recording.recording import Recording
 
 REST_SPEED = 0.02
 """Speed below which a joint rests [rad/s or m/s]: two counts of a servo's encoder in 0.2 s."""
-WINDOW_S = 0.1
-"""Time before and after a row over which its speed is computed [s]."""
-LEAST_S = 0.2
-"""Shortest rest [s]."""
-APPROACH_S = 0.5
-"""Time before a rest whose motion gives the side of the approach [s]."""
+WINDOW_S = 0.1  # time before and after a row over which its speed is computed [s]
+LEAST_S = 0.2  # shortest rest [s]
+APPROACH_S = 0.5  # time before a rest whose motion gives the side of the approach [s]
 LEAST_TRAVEL = 2e-3
 """Least motion of every joint on an approach [rad, m]: above the counts of a servo's encoder."""
 SAME = 0.01
 """Largest distance of two visits of one pose [rad, m]: the error of a controller against friction,
 and far below the length of an approach."""
-SHARE = 0.3
-"""Share of the log that the arm rests, below which the log is one of motion."""
-FEWEST_PAIRS = 3
-"""Number of pairs from which on a log is one of poses."""
+SHARE = 0.3  # share of the log that the arm rests, below which the log is one of motion
+FEWEST_PAIRS = 3  # number of pairs from which on a log is one of poses
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -20,8 +20,7 @@ from runtime.recording.recipes.recipe import UNITS, Recipe, Signal, Time
 from runtime.recording.recording import Recording
 from runtime.recording.unit_conversion import converted, scaled
 
-LARGE = 200_000_000
-"""Size of a file above which a log is streamed by default [bytes]."""
+LARGE = 200_000_000  # size of a file above which a log is streamed by default [bytes]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -21,8 +21,7 @@ FIELDS = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "t
 _AS_MEASURED = {"desired_position": "position", "desired_velocity": "velocity"}
 HUGE = 1e9
 HUGE_TIME = 1e20  # nanoseconds since 1970 are 2e18
-INSTANT = 1e-7
-"""Rounding of instants [s], those of 1970 included."""
+INSTANT = 1e-7  # rounding of instants [s], those of 1970 included
 
 
 @dataclass(frozen=True, slots=True, eq=False)

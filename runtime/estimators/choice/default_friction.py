@@ -70,33 +70,26 @@ EXACT = 1e-5
 values decide, whose estimate has a residual as small as rounding allows."""
 STROKES = tuple(4e-4 * 4.0**k for k in range(4))
 """Strokes z_c of the Dahl column that are tried first, rad or m."""
-FINER_STROKES = 2.0 ** (np.arange(-2, 3) / 2)
-"""Factors on the best of them that are tried next."""
+FINER_STROKES = 2.0 ** (np.arange(-2, 3) / 2)  # factors on the best of them that are tried next
 LEAST_GAIN_OF_MORE = 0.1
 """Share of the mean square error that a Dahl or load column must save: 5 % of the torque error."""
 SPEEDS = tuple(0.005 * 2.0**k for k in range(6))
 """Widths ε of the Coulomb column that are tried first, rad/s or m/s."""
-FINER = 2.0 ** (np.arange(-3, 4) / 4)
-"""Factors on the best of them that are tried next."""
+FINER = 2.0 ** (np.arange(-3, 4) / 4)  # factors on the best of them that are tried next
 MOST_LOSS = 0.05
 """Mean square error above the best, relative to it, that a simpler candidate may have: five blocks
 of a slow log differ so much that one standard error would admit any loss."""
 DEFAULT_COLUMNS = tuple(each.name for each in (OFFSET, VISCOUS, COULOMB, ROTOR))
 """Columns of the candidates without memory."""
-MEMORY = DAHL.name
-"""Column that replaces "coulomb" where friction depends on the path."""
+MEMORY = DAHL.name  # column that replaces "coulomb" where friction depends on the path
 LOADED = LOAD.name
 """Column beside "coulomb" or "dahl" of gears whose dry friction grows with their load."""
 SPRINGS = SPRING
 """Word for the columns of all springs of unknown stiffness, which every candidate has."""
-USABLE = (*DEFAULT_COLUMNS, MEMORY, LOADED, SPRINGS)
-"""Columns of a method that can use all of them."""
-UNKNOWN = 1e3
-"""Factor on the spread of the prior of robots whose URDF states no masses."""
-ROWS = 4000
-"""Rows that the choice uses, evenly spread."""
-_PASSES = 2
-"""Passes in which the noise of the joints is estimated from the residuals."""
+USABLE = (*DEFAULT_COLUMNS, MEMORY, LOADED, SPRINGS)  # columns of a method that can use all of them
+UNKNOWN = 1e3  # factor on the spread of the prior of robots whose URDF states no masses
+ROWS = 4000  # rows that the choice uses, evenly spread
+_PASSES = 2  # passes in which the noise of the joints is estimated from the residuals
 
 
 @dataclass(frozen=True, slots=True)

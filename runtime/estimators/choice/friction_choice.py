@@ -89,10 +89,8 @@ WIDTHS: dict[str, tuple[str, tuple[float, ...]]] = {
 }
 """Column → its width and the grid that is searched, rad/s or rad."""
 
-_WIDTH = 0.02
-"""Relative accuracy of a width."""
-_PASSES = 3
-"""Passes in which the noise of the joints is estimated from the residuals."""
+_WIDTH = 0.02  # relative accuracy of a width
+_PASSES = 3  # passes in which the noise of the joints is estimated from the residuals
 
 
 @dataclass(frozen=True, slots=True)

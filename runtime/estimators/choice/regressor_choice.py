@@ -53,16 +53,11 @@ from runtime.recording.recording import complete_arrays
 
 CANDIDATES = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 50.0, 80.0)
 """Cut-offs that are tried where the rate allows it, Hz."""
-BELOW_RATE = 0.4
-"""Largest cut-off over the rate."""
-ROWS_PER_CUTOFF = 10.0
-"""Rate of the rows that are kept, over the cut-off."""
-FEWEST_ROWS = 100
-"""Least number of rows of a block."""
-EDGE = 0.05
-"""Largest share of the duration that is trimmed from both ends."""
-_PASSES = 2
-"""Passes in which the weights of the joints follow their residuals."""
+BELOW_RATE = 0.4  # largest cut-off over the rate
+ROWS_PER_CUTOFF = 10.0  # rate of the rows that are kept, over the cut-off
+FEWEST_ROWS = 100  # least number of rows of a block
+EDGE = 0.05  # largest share of the duration that is trimmed from both ends
+_PASSES = 2  # passes in which the weights of the joints follow their residuals
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,10 +250,8 @@ class _Trials:
 NOISY, BENT = 0.01, 0.005
 """Bounds of ν and δ: ν that biases an inertia as much as its uncertainty in a good log, and δ that
 is visible beside the least torque errors of real logs, 1 to 1.5 %."""
-LONGEST = 30000
-"""Rows that are used: half a minute at 1 kHz."""
-STILL = 0.02
-"""RMS speed [rad/s] below which a motion does not determine the inertia of a joint."""
+LONGEST = 30000  # rows that are used: half a minute at 1 kHz
+STILL = 0.02  # RMS speed [rad/s] below which a motion does not determine the inertia of a joint
 _ORDER = 8
 
 

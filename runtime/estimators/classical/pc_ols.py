@@ -31,12 +31,10 @@ LENGTH = 0.1
 SLACK = 1e-3
 """Relative loss above the optimum admitted for staying near the first guess. The optimum itself is
 often implausible: for a poorly excited arm of 16 kg it had links of 1400 kg at 1e-5."""
-BOUNDARY = 1e-6
-"""Relative eigenvalue below which a link of the optimum is a plate or a rod."""
+BOUNDARY = 1e-6  # relative eigenvalue below which a link of the optimum is a plate or a rod
 LARGEST_WEIGHT = 4.0
 """Mean tr(P0⁻¹ P)/4 per link up to which the path certifies the optimum; 1 is the prior."""
-FINER, MORE_STEPS = 4.0, 200
-"""Ratio and steps per γ of the second attempt at a path."""
+FINER, MORE_STEPS = 4.0, 200  # ratio and steps per γ of the second attempt at a path
 _SVEC = tuple((i, j) for j in range(4) for i in range(j + 1))
 
 

@@ -25,8 +25,7 @@ from runtime.estimators.regression.samples import inflation, noise, residuals, w
 from runtime.library import Array
 
 PASSES = 3
-ENOUGH = 2000
-"""Samples that determine a weight to 2 %; the passes before the last take no more."""
+ENOUGH = 2000  # samples that determine a weight to 2 %; the passes before the last take no more
 LEAST_VARIANCE = 1e-4
 """Smallest variance of the weighted residuals, which is about one. Below it torques are exact to
 rounding, and the prior decides only what the motion does not excite."""

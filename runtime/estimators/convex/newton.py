@@ -38,14 +38,12 @@ from runtime.library.parameters import N_PARAMETERS, link_columns
 RATIO = 3.0
 """Ratio of neighbouring weights. The minimiser of one lies within the quadratic convergence of the
 next; with 10, three of 20 logs with an unknown body of 3 kg ended without convergence."""
-ARMIJO = 1e-4
-"""Share of the predicted decrease that a step must reach."""
+ARMIJO = 1e-4  # share of the predicted decrease that a step must reach
 RIDGE, RIDGE_GROWTH, RIDGE_MOST = 1e-14, 10.0, 1e-2
 """First ridge on the scaled Hessian, its growth where Cholesky fails, and the largest one."""
 DECREMENT = 1e-3
 """½ gᵀH⁻¹g at the end, in units of the smallest γ: the cost is then that close to its minimum."""
-MOST_STEPS = 200
-"""Limit of Newton steps; from the centre of the prior 5 to 8 are usual."""
+MOST_STEPS = 200  # limit of Newton steps; from the centre of the prior 5 to 8 are usual
 MOST_HALVINGS = 60
 
 
@@ -272,14 +270,11 @@ def better(direct: Minimum, continued: Minimum) -> Minimum:
     return direct if values[0] <= values[1] else continued
 
 
-SMALLEST_GAP = 1e-7
-"""Certificate at the end of the path, relative to the loss."""
-FIRST, SHRINK = 1e-1, 10.0
-"""γ at the start in units of the loss, and its ratio from step to step."""
+SMALLEST_GAP = 1e-7  # certificate at the end of the path, relative to the loss
+FIRST, SHRINK = 1e-1, 10.0  # γ at the start in units of the loss, and its ratio from step to step
 PATIENCE = 60
 """Newton steps per γ: more are needed only where the optimum drifts to implausible bodies."""
-EXPLAINED = 1e-9
-"""Losses below this share of that of τ̂ = 0 count as rounding."""
+EXPLAINED = 1e-9  # losses below this share of that of τ̂ = 0 count as rounding
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -37,10 +37,8 @@ some 1e-6 of its minimum, while noise moves it by 1/√N."""
 DIFFERENCE = 1e-5
 """Step of central differences, relative to the coordinate, which counts as 1e-3 at least. The error
 of J is then 1e-10."""
-ARMIJO = 1e-4
-"""Share of the predicted decrease that a step must reach."""
-_LEAST = 1e-14
-"""Smallest curvature, relative to the largest."""
+ARMIJO = 1e-4  # share of the predicted decrease that a step must reach
+_LEAST = 1e-14  # smallest curvature, relative to the largest
 _HALVINGS = 30
 STATUS = {
     0: Status.MAX_ITERATIONS,

@@ -36,8 +36,7 @@ from runtime.estimators.regression.factor import CompressedObjective, TorqueObje
 from runtime.library import Array, Library
 from runtime.library.compiled_descent import AdamProblem, CompiledAdam
 
-CHUNK = 500
-"""Iterations between two reports of progress and checks for Ctrl-C."""
+CHUNK = 500  # iterations between two reports of progress and checks for Ctrl-C
 
 
 @dataclass(frozen=True, slots=True)

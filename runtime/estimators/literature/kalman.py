@@ -50,18 +50,15 @@ from runtime.recording.recording import complete_arrays
 from runtime.recording.settings import COLUMNS, names_where
 
 STATE_COLUMNS = names_where(lambda column: column.secant is not None)
-SLOWEST = 200.0
-"""Rate, Hz, below which a step of a filter is too long for the friction of a wrist."""
+SLOWEST = 200.0  # rate, Hz, below which a step of a filter is too long for the friction of a wrist
 LEAST_NOISE = (1e-6, 1e-3)
 """Smallest standard deviation of position [rad, m] and torque [N·m]; without it filters diverge."""
 FIRST_FRICTION = 0.3
 """Viscous and Coulomb friction before the first sample, and its standard deviation, N·m (s/rad)."""
 LAM_FLOOR = lam_from_parts(log_mass=0.3, centre=0.02, rotation=0.3, axes=0.02)
 """Least |λ| for the relative standard deviation of the first guess."""
-TRUST = 0.05
-"""Relative standard deviation of the first guess in λ."""
-SPEED_VARIANCE = 1e-4
-"""Variance of the first velocity, (rad/s)²."""
+TRUST = 0.05  # relative standard deviation of the first guess in λ
+SPEED_VARIANCE = 1e-4  # variance of the first velocity, (rad/s)²
 SMOOTH_HZ = 20.0
 """Cut-off of ā and τ̇, Hz, at most a fifth of the rate: above motions of arms, below the noise."""
 DELAY, WANDER = 0.5, 0.5
@@ -182,16 +179,11 @@ def process_noise(spread: Array, dt: float) -> Array:
     return noise
 
 
-ALPHA, BETA = 0.1, 2.0
-"""Spread of the points, and the weight of the centre for Gaussian states."""
-_LIGHTEST = 0.2
-"""Smallest mass matrix of a sigma point, relative to that of the mean."""
-_NEAREST = 1e-3
-"""Smallest h; below it a pair is a difference quotient."""
-_RIDGE = 1e-12
-"""Least relative eigenvalue of a covariance that rounding has made indefinite."""
-_CHECK_EVERY = 100
-"""Steps between two checks of the consistency of π."""
+ALPHA, BETA = 0.1, 2.0  # spread of the points, and the weight of the centre for Gaussian states
+_LIGHTEST = 0.2  # smallest mass matrix of a sigma point, relative to that of the mean
+_NEAREST = 1e-3  # smallest h; below it a pair is a difference quotient
+_RIDGE = 1e-12  # least relative eigenvalue of a covariance that rounding has made indefinite
+_CHECK_EVERY = 100  # steps between two checks of the consistency of π
 
 
 def fit_ekf(problem: Problem, log: Origin | None = None) -> Fit:

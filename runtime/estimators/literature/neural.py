@@ -23,12 +23,9 @@ from runtime.estimators.regression.samples import Samples
 from runtime.library import Array
 
 UNITS = 4
-DECAYS = (1e-4, 1e-3, 1e-2)
-"""Candidates of α; validation chooses among them."""
-STEPS = 60
-"""Limit of steps per net, accepted or not."""
-_FLAT = 1e-6
-"""Relative decrease of the loss below which training stops."""
+DECAYS = (1e-4, 1e-3, 1e-2)  # candidates of α; validation chooses among them
+STEPS = 60  # limit of steps per net, accepted or not
+_FLAT = 1e-6  # relative decrease of the loss below which training stops
 _FIRST_DAMPING, _LARGEST_DAMPING = 1e-2, 1e10
 """Damping at the start and the one beyond which no step is tried, relative to diag(JᵀJ)."""
 ROUNDS = 2

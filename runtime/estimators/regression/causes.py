@@ -55,10 +55,8 @@ POSES = 0.10
 LEAST_S = 0.5e-3
 """Delay [s] below which its bias is within the intervals: at 3 ms, 14 % of those of the worst
 parameter hold, and the bias is proportional to the delay."""
-USUAL_GAIN = 0.003
-"""Usual error of a torque gain: sessions of one arm differ by as much."""
-SCALE = 3.0
-"""Factor beyond which, or below its inverse, a gain is not that of a torque constant."""
+USUAL_GAIN = 0.003  # usual error of a torque gain: sessions of one arm differ by as much
+SCALE = 3.0  # factor beyond which, or below its inverse, a gain is not that of a torque constant
 LARGEST = {ZERO: np.pi / 2, TILT: np.pi}
 """Angles [rad] from which on the cause is another one: its column is a derivative at angle 0."""
 NOTICED = 1.645
@@ -67,8 +65,7 @@ NOTICED = 1.645
 GROWTH = 1.4
 """Factor by which an error at the limit raises its own σ, measured 1.2 to 1.42: the weights follow
 the residuals, which contain a part of it."""
-ALIKE = 4.0
-"""T below that of the best cause up to which another one is named beside it."""
+ALIKE = 4.0  # T below that of the best cause up to which another one is named beside it
 _STEP = 1e-5
 
 

@@ -39,8 +39,7 @@ from runtime.library import Array, Library
 PIECE, MOST = 1024, 8
 """Rows that are transformed together, and number of such pieces, evenly spread over a long log:
 enough for S to some percent within some ten milliseconds."""
-_LEAST = 0.02
-"""Share Σ h (1 − h) / Σ h left over by the fit below which S cannot be estimated."""
+_LEAST = 0.02  # share Σ h (1 − h) / Σ h left over by the fit below which S cannot be estimated
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,8 +175,7 @@ BAND_HZ, OF_SPEED = 6.0, 0.99
 """Band of the motion of an arm [Hz], and least share of the power of the speeds that it holds. From
 6 Hz on, causes on a real Panda have their whole T; clean cuts of 2.5 to 5 s with 2e-5 rad of noise
 name 2 causes in 132 at 6 Hz, 4 at 8 and 11 at 12."""
-ENOUGH = 1.5
-"""Least number of slow equations per unknown: fewer leave no estimate of the noise."""
+ENOUGH = 1.5  # least number of slow equations per unknown: fewer leave no estimate of the noise
 
 
 def slow_part(columns: Array, cosines: int) -> Array:

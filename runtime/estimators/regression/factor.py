@@ -28,8 +28,7 @@ from runtime.estimators.regression.samples import THESIS_SIGMA, Samples
 from runtime.library import Array, Integers, Library, Mask
 from runtime.recording.friction.model import torque as friction_torque
 
-EXPLAINED = 1e-9
-"""Remainder of a column of length one below which other columns explain it."""
+EXPLAINED = 1e-9  # remainder of a column of length one below which other columns explain it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -170,8 +169,7 @@ def _identity(s: Statistics) -> str:
     return f"model {s.model_hash[:12]} with {len(s.target) - s.n_base} friction coefficients"
 
 
-TOGETHER = 16
-"""Number of factors that are collected before they are joined."""
+TOGETHER = 16  # number of factors that are collected before they are joined
 BLOCK = 16384
 """Samples per factor, of the last one half to one and a half as many: fixed, so that the number of
 threads changes nothing, and some milliseconds of work, against which joining factors and starting

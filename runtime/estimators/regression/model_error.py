@@ -80,8 +80,7 @@ MARGIN = 1.6
 """Factor on the quantile for errors of the model: real arms have friction that no column has. With
 the arm of Franka, whose identified model predicts unseen torques to 1.4 %, T of the prior is 1.3 to
 1.5 times the quantile; an unknown body of 0.5 kg in its hand gives 1.7 times and more."""
-ROWS = 1500
-"""Samples that determine a gain to a percent or better."""
+ROWS = 1500  # samples that determine a gain to a percent or better
 EQUATIONS = 14_000
 """Equations of as many samples, above which robots of more than nine joints take fewer of them."""
 
@@ -231,8 +230,7 @@ MOST, STEP = 0.02, 1.6
 a joint moves little, and would leave both of them open."""
 SIZES = np.concatenate([[0.0], MOST * STEP ** -np.arange(12.0)[::-1]])
 """Candidates of λ over the range of the joint."""
-SHAPES = len(KINDS)
-"""Number of shapes."""
+SHAPES = len(KINDS)  # number of shapes
 PLACEHOLDER = 100.0
 """Limits of effort over the largest torques of a log from which on, at every joint, they are none
 of this robot: a URDF has 2000 N·m at a small arm. A wrist alone may hardly be used."""

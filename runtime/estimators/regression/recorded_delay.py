@@ -52,16 +52,12 @@ from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.preprocessing.segments import interpolate
 from runtime.recording.recipes.recipe import COMMANDED
 
-PASSES = 2
-"""Passes in which the weights of the joints follow their residuals at the best delay."""
-FLAT_S = 0.09
-"""Width of the 99.9 % interval from which on the profile is flat [s]."""
+PASSES = 2  # passes in which the weights of the joints follow their residuals at the best delay
+FLAT_S = 0.09  # width of the 99.9 % interval from which on the profile is flat [s]
 ROWS, COARSE_ROWS = 900, 300
 """Rows of the profile, of which some hundred are independent, and of the coarse search."""
-FEWEST_ROWS = 100
-"""Rows below which no delay is estimated."""
-STEP_S = 0.002
-"""Step of the delays that are tried [s]; a parabola resolves fractions of it."""
+FEWEST_ROWS = 100  # rows below which no delay is estimated
+STEP_S = 0.002  # step of the delays that are tried [s]; a parabola resolves fractions of it
 LATEST_S, EARLIEST_S = 0.15, 0.03
 """Range of delays of a commanded torque behind its stamp, and before it [s]; the first is that of a
 measured torque on both sides."""
@@ -353,8 +349,7 @@ def _interval(x: Array, y: Array, limit: float) -> tuple[float, float]:
 DRY, MEMORY, ALONG = COULOMB.name, DAHL.name, POSITION.name
 STROKES = tuple(5e-4 * 2.0 ** (k / 2) for k in range(7))
 """Strokes z_c that are tried [rad, m]; a parabola resolves fractions of their steps."""
-DELAY_STEP_S = 0.005
-"""Step of the delays that are tried [s]."""
+DELAY_STEP_S = 0.005  # step of the delays that are tried [s]
 FOLDS = 5
 LEAST_GAIN = 0.1
 """Share by which further columns have to lower the mean square error (geometric mean of joints)."""

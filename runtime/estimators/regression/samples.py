@@ -20,13 +20,11 @@ from runtime.recording.recording import complete_arrays
 
 NORMAL_95 = 1.959963984540054
 """Half width of the two-sided 95 % interval of a normal variable in standard deviations."""
-LAGS = 24
-"""Lags of the autocorrelation, in samples."""
+LAGS = 24  # lags of the autocorrelation, in samples
 SILENT = 1e-6
 """Residual, relative to the largest RMS torque of a joint, below which it counts as rounding."""
 ARRAYS = ("q", "dq", "acceleration", "tau", "columns", "base")
-THESIS_SIGMA = 0.5
-"""Regularisation of Eq. 4.8, N·m."""
+THESIS_SIGMA = 0.5  # regularisation of Eq. 4.8, N·m
 
 
 def thesis_weights(tau: Array, unit: float = 1.0) -> Array:

@@ -29,14 +29,12 @@ from runtime.library import Array
 from runtime.library.manifest import file_units
 from runtime.recording import Recording
 
-UNCONSTRAINED = "ols"
-"""Method whose growth of the error from training to test shows over-fitting."""
+UNCONSTRAINED = "ols"  # method whose growth of the error from training to test shows over-fitting
 BLOCKS = 10
 LEVEL = 0.95
 WORTHWHILE = 0.01
 """Relative reduction of the torque error below which a method does not count as better."""
-ENOUGH = 0.5
-"""Share of the base parameters below which the data count as dominated by the prior."""
+ENOUGH = 0.5  # share of the base parameters below which the data count as dominated by the prior
 OVERFIT = 1.1
 """Growth of the error of OLS from training to test over that of the recommended method, above which
 OLS over-fits."""

@@ -89,8 +89,7 @@ def row_facts(row: MethodRow) -> dict[str, Any]:
 
 SUFFIX = ".truth.json"
 UNTOUCHED = "interrupted by the user before its turn"
-TINY = 1e-9
-"""Share of the loss of τ̂ = 0 that replaces L* where the data are explained to rounding."""
+TINY = 1e-9  # share of the loss of τ̂ = 0 that replaces L* where the data are explained to rounding
 
 
 @dataclass(frozen=True, slots=True)

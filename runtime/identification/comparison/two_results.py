@@ -20,8 +20,7 @@ from runtime.identification.result_record import FrictionPart, ResultRecord
 from runtime.identification.saved_result import FRAMES, SavedResult, differences
 from runtime.recording.row_marks import SAME, share_of_rows
 
-LEVEL = 0.05
-"""Probability that a table of equal robots has a marked row."""
+LEVEL = 0.05  # probability that a table of equal robots has a marked row
 
 
 @dataclass(frozen=True, slots=True)

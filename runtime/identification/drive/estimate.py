@@ -41,20 +41,15 @@ from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction.coupled_motors import geared
 from runtime.recording.recipes.recipe import COMMANDED
 
-PASSES = 6
-"""Largest number of Gauss–Newton passes."""
-DONE = 0.1
-"""Step over standard deviation below which the passes end."""
-MOST_STEP = (0.02, 0.05)
-"""Largest step of one pass: of a delay [s], of a bias [rad, m]."""
-THINNED = 10.0
-"""Rate of the rows over the cut-off at which the first passes are made."""
+PASSES = 6  # largest number of Gauss–Newton passes
+DONE = 0.1  # step over standard deviation below which the passes end
+MOST_STEP = (0.02, 0.05)  # largest step of one pass: of a delay [s], of a bias [rad, m]
+THINNED = 10.0  # rate of the rows over the cut-off at which the first passes are made
 NO_BIAS = (
     "encoder biases were not estimated, which need accelerations; use --settings "
     "regressor=acceleration"
 )
-MOST_SIGMA = 0.02
-"""Standard deviation of a delay above which it is not determined [s]."""
+MOST_SIGMA = 0.02  # standard deviation of a delay above which it is not determined [s]
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,8 +52,7 @@ from runtime.recording.settings import COLUMNS, JointMotion, has_memory, signals
 
 ROUGH_ROWS = 600
 """Rows of the passes before the last: rows of a low-passed log are nearly redundant."""
-MOST_ROWS, STRETCHES = 6000, 8
-"""Rows above which only as many, in contiguous stretches, are used."""
+MOST_ROWS, STRETCHES = 6000, 8  # rows above which only as many, in contiguous stretches, are used
 _H = 1e-6
 """Step of the central difference in q [rad, m]: its error is 1e-12 relative, rounding 1e-10."""
 FEEDBACK = "Removed what the control law makes of the torque noise from τ (drive.feedback)."

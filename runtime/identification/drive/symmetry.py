@@ -59,10 +59,8 @@ PLANES = {"yz": (-1.0, 1.0, 1.0), "xz": (1.0, -1.0, 1.0), "xy": (1.0, 1.0, -1.0)
 _TURN, _TOLERANCE = 0.3, 1e-3
 """Angle of the joints at which poses are compared [rad, m], and tolerance [m, 1]: a millimetre is
 below the rounding of a URDF."""
-TIED = ("viscous", "armature")
-"""Keys of a drive that are tied."""
-SPREAD = 0.1
-"""ρ: motors and gears of one type differ by a tenth, mostly by wear and temperature."""
+TIED = ("viscous", "armature")  # keys of a drive that are tied
+SPREAD = 0.1  # ρ: motors and gears of one type differ by a tenth, mostly by wear and temperature
 
 
 def mirrored_joints(names: tuple[str, ...], pairs: tuple[str, ...]) -> tuple[tuple[int, int], ...]:

@@ -39,10 +39,8 @@ from runtime.library import Array, Library
 from runtime.library.parameters import MASS, N_PARAMETERS, PI_NAMES, inertia, links, mass
 from runtime.recording.friction.columns import OFFSET
 
-PAYLOAD_MASS = "payload mass"
-"""Name that is listed first where it gains."""
-ARM_ERROR = 0.03
-"""Relative error of an arm's links for which the error of a payload is stated."""
+PAYLOAD_MASS = "payload mass"  # name that is listed first where it gains
+ARM_ERROR = 0.03  # relative error of an arm's links for which the error of a payload is stated
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,15 +241,12 @@ def unseen_torque(over_base: Array, unseen: Array) -> Array:
     return np.sqrt([np.sum(over_base * (joint @ over_base)) for joint in unseen])
 
 
-WORTHWHILE = 0.10
-"""Gain above which further recording is recommended."""
-SECONDS = (10.0, 30.0, 60.0)
-"""Further recording times that are evaluated by default, s."""
+WORTHWHILE = 0.10  # gain above which further recording is recommended
+SECONDS = (10.0, 30.0, 60.0)  # further recording times that are evaluated by default, s
 _NAMED = 3
 KNOTS = 24
 """Number of instants; they are closer together at the beginning, where σ decreases fastest."""
-SOONEST = 0.02
-"""First instant, as a share of the motion."""
+SOONEST = 0.02  # first instant, as a share of the motion
 
 
 @dataclass(frozen=True, slots=True)
@@ -364,8 +359,7 @@ def growth(
     )
 
 
-TOTAL_MASS = "total mass"
-"""Name of the mass of a robot with a free base."""
+TOTAL_MASS = "total mass"  # name of the mass of a robot with a free base
 
 
 def expected_of_walk(result: FreeBaseIdentification, seconds: float = 0.0) -> Expected:

@@ -50,10 +50,8 @@ from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction, Recording
 from runtime.recording.friction.model import DAY
 
-LEAST_TRAVEL = 0.02
-"""Smallest travel that the distance is related to, rad or m."""
-GROUPS = 5
-"""K, groups of rows per joint."""
+LEAST_TRAVEL = 0.02  # smallest travel that the distance is related to, rad or m
+GROUPS = 5  # K, groups of rows per joint
 
 FEW = 2.7764451051977934 / NORMAL_95
 """t: intervals are those of a normal distribution, and K groups know their variance badly."""
@@ -74,8 +72,7 @@ UNEXPECTED = 4.0
 """Squared residual along an error of the arm over its expectation, in the mean, from which the arm
 is not that of its posterior: .8 to 3.1 on 39 of 40 simulated arms of another day, 7 to 11 on a PSM
 at 1 to 3 Hz."""
-_FEW = 2.0
-"""Factor on s² for the few directions, about twenty, that dominate its estimate."""
+_FEW = 2.0  # factor on s² for the few directions, about twenty, that dominate its estimate
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,8 +28,7 @@ from runtime.recording.notebook import Shown
 
 FORMAT = 1
 """Number of the format of payload.json; it is raised by a change that readers would misread."""
-_ROUNDING = 1e-9
-"""Negative part of a principal moment, over the trace, that counts as rounding."""
+_ROUNDING = 1e-9  # negative part of a principal moment, over the trace, that counts as rounding
 
 
 @dataclass(frozen=True, slots=True)

@@ -87,19 +87,13 @@ def empty_residual(
 
 BALL_MASS, BALL_RADIUS = 0.5, 0.06
 """Prior: a ball of 0.5 kg and 6 cm radius with its centre at the mount."""
-PASSES = 3
-"""Passes in which the noise follows the residuals."""
-FEWEST_ROWS = 50
-"""Samples below which neither noise nor correlation can be estimated."""
+PASSES = 3  # passes in which the noise follows the residuals
+FEWEST_ROWS = 50  # samples below which neither noise nor correlation can be estimated
 _BLOCK = 4096
-_PERFECT = 1e-6
-"""Noise relative to the largest torque below which data count as exact."""
-_SILENT = 1e-9
-"""Varying part of the columns over the columns, below which it is rounding."""
-_PRIOR_SHARE = 0.5
-"""σ of a value over σ of the prior, above which the prior dominates the value."""
-_CERTAIN = 3.0
-"""Mass over its σ from which on there is a payload."""
+_PERFECT = 1e-6  # noise relative to the largest torque below which data count as exact
+_SILENT = 1e-9  # varying part of the columns over the columns, below which it is rounding
+_PRIOR_SHARE = 0.5  # σ of a value over σ of the prior, above which the prior dominates the value
+_CERTAIN = 3.0  # mass over its σ from which on there is a payload
 CHANGED = (
     "the residual is far from what the posterior of the arm expects: the arm has changed since it "
     "was identified, or is another one; identify it again, or record a run without the payload"

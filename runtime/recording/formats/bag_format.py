@@ -33,8 +33,7 @@ from runtime.recording.recipes.recipe import SI, Recipe, Signal, Time
 
 FIELDS = ("position", "velocity", "effort")
 
-PIECE = 2**15
-"""Messages that are merged together."""
+PIECE = 2**15  # messages that are merged together
 
 Ticks = Integers
 

@@ -22,11 +22,9 @@ from runtime.errors import RecordingError
 from runtime.recording.formats.log_format import imported
 from runtime.recording.formats.tables import EXPANSION, MAX_CORRUPT, SLACK
 
-LARGEST_CHUNK = 2**27
-"""Largest decompressed chunk [bytes]; writers make chunks of 1 to 64 MB."""
+LARGEST_CHUNK = 2**27  # largest decompressed chunk [bytes]; writers make chunks of 1 to 64 MB
 
-LARGEST_MESSAGE = 2**22
-"""Largest JointState [bytes]; a hundred joints take some kilobytes."""
+LARGEST_MESSAGE = 2**22  # largest JointState [bytes]; a hundred joints take some kilobytes
 
 LARGEST_YAML, DEEPEST = 2**22, 50
 """Largest YAML [characters] and its depth; ROS writes some thousand and 6. Parsers take the square

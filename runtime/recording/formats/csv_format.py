@@ -36,8 +36,7 @@ from runtime.recording.recording import Recording
 
 FRANKA = {"q": "position", "dq": "velocity", "tau_J": "torque"}
 """Column of logToCSV → kind of signal."""
-HEAD, FRANKA_HEAD = 200, 50
-"""Lines in which a header is looked for: any one, and that of logToCSV."""
+HEAD, FRANKA_HEAD = 200, 50  # lines in which a header is looked for: any one, and that of logToCSV
 PIECE = 2**23
 """Number of characters of a streamed text that are parsed at once; a line must be shorter."""
 

@@ -29,8 +29,7 @@ from runtime.recording.formats.tables import EXPANSION, SLACK, LogTable, common_
 from runtime.recording.recipes.default_convention import arrays_convention, unread_arrays
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 
-MOST_OBJECTS = 10_000
-"""Largest number of groups and arrays of a file; logs have some dozens."""
+MOST_OBJECTS = 10_000  # largest number of groups and arrays of a file; logs have some dozens
 
 _OLD_MATLAB = b"MATLAB 5.0"
 

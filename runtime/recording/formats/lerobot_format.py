@@ -22,10 +22,8 @@ from runtime.recording.formats.parquet_format import ParquetLog
 from runtime.recording.formats.tables import LogTable, common_count
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 
-PAUSE_S = 1.0
-"""Time between two episodes [s]; at 10 Hz and more it is longer than a step."""
-MOST_FILES = 10_000
-"""Largest number of Parquet files of a data set that is read as one log."""
+PAUSE_S = 1.0  # time between two episodes [s]; at 10 Hz and more it is longer than a step
+MOST_FILES = 10_000  # largest number of Parquet files of a data set that is read as one log
 _FEATURES = {"time": "timestamp", "position": "observation.state", "desired_position": "action"}
 
 

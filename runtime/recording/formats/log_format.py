@@ -25,8 +25,7 @@ from runtime.recording.formats.tables import LogTable
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 from runtime.recording.recording import Recording
 
-SMALL = 2**24
-"""Size up to which a file is hashed at once [bytes]."""
+SMALL = 2**24  # size up to which a file is hashed at once [bytes]
 
 
 class Digests(Mapping[str, str]):

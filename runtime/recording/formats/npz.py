@@ -23,8 +23,7 @@ from runtime.errors import IdentificationError, RecordingError
 from runtime.library import Array
 from runtime.recording.formats.tables import EXPANSION, SLACK, LogTable, common_count
 
-MOST_TEXTS = 10_000
-"""Largest number of texts in an array of an NPZ that is read."""
+MOST_TEXTS = 10_000  # largest number of texts in an array of an NPZ that is read
 _LOCAL_HEADER, _LENGTHS = 30, 26  # PKWARE APPNOTE, Sec. 4.3.7
 R = TypeVar("R")
 

@@ -28,14 +28,11 @@ from runtime.recording.recording import Recording
 KIND = "a Parquet file"
 BATCH = 65536
 
-MOST_CELLS = 5_000_000
-"""Largest number of cells of a table whose rows are held as Python objects."""
+MOST_CELLS = 5_000_000  # largest number of cells of a table whose rows are held as Python objects
 
-CHUNK = 4096
-"""Rows of which all columns are copied together."""
+CHUNK = 4096  # rows of which all columns are copied together
 
-BUFFER = 2**16
-"""Size in which a column is read [bytes]; without it pyarrow holds whole row groups."""
+BUFFER = 2**16  # size in which a column is read [bytes]; without it pyarrow holds whole row groups
 
 
 class ParquetLog:

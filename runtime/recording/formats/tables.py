@@ -12,8 +12,7 @@ from runtime.errors import RecordingError
 from runtime.library import Array, Integers
 
 Columns = tuple[str | int, ...]
-MAX_CORRUPT = 0.2
-"""Largest share of corrupt rows of a log that is read."""
+MAX_CORRUPT = 0.2  # largest share of corrupt rows of a log that is read
 EXPANSION, SLACK = 50, 2**26
 """Decompression limit: a file may decode to at most EXPANSION · size + SLACK bytes. Signals with
 noise shrink to a half as numbers and to a tenth as text."""

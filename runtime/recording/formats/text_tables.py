@@ -21,16 +21,12 @@ from runtime.errors import RecordingError
 from runtime.library import Array, Integers
 from runtime.recording.formats.tables import EXPANSION, MAX_CORRUPT, SLACK, Columns, LogTable
 
-SHOWN = 60
-"""Largest number of characters of a line in a message."""
-GZIP = b"\x1f\x8b"
-"""First bytes of gzip data."""
+SHOWN = 60  # largest number of characters of a line in a message
+GZIP = b"\x1f\x8b"  # first bytes of gzip data
 SIZES = 2**24, 2**18
 """Numbers of characters that are parsed at once: first, and again where a line is odd."""
-LONG = 2**22
-"""Number of characters from which pyarrow, where it is installed, repays its import."""
-PIECE = 2**14
-"""Number of characters that are divided at once; a short line takes 30 times its text."""
+LONG = 2**22  # number of characters from which pyarrow, where it is installed, repays its import
+PIECE = 2**14  # number of characters that are divided at once; a short line takes 30 times its text
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +41,7 @@ class RowForm:
     keeps_all: bool = False  # whether empty lines and comments are rows, corrupt ones
 
 
-FLAT = RowForm("", False, ";", 1, [0], keeps_all=True)
-"""One number per line; `;` is in none."""
+FLAT = RowForm("", False, ";", 1, [0], keeps_all=True)  # one number per line; `;` is in none
 
 
 @dataclass(frozen=True, slots=True, eq=False)

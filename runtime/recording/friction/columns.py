@@ -35,8 +35,7 @@ from runtime.recording.settings import (
     JointMotion,
 )
 
-_BLOCK = 64
-"""Samples of one block; all blocks are stepped through side by side."""
+_BLOCK = 64  # samples of one block; all blocks are stepped through side by side
 
 
 def dahl_state(q: Array, stroke: ArrayLike) -> Array:

@@ -26,8 +26,7 @@ from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.recording import DERIVED, Recording
 from runtime.recording.settings import COLUMNS, Friction, JointMotion, signals_for
 
-DRIVE = ("viscous", "coulomb", "offset", "rotor")
-"""Names of the columns of one drive."""
+DRIVE = ("viscous", "coulomb", "offset", "rotor")  # names of the columns of one drive
 DAY, LARGE_DAY = 0.05, 0.07
 """Relative change of the friction of a healthy arm between days, in the mean and at most: 3 to 7 %
 on a UR5."""

@@ -11,10 +11,8 @@ Source: Simoni, Beschi, Legnani & Visioli 2015; Gao, Yuan, Han, Wang & Wang 2017
 
 from runtime.recording.settings import FrictionColumn
 
-REFERENCE = 25.0
-"""T_ref [°C]."""
-HOUR = 3600.0
-"""Seconds of the unit of `viscous_uptime`."""
+REFERENCE = 25.0  # T_ref [°C]
+HOUR = 3600.0  # seconds of the unit of `viscous_uptime`
 
 
 VISCOUS_TEMPERATURE = FrictionColumn(

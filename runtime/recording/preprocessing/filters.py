@@ -21,8 +21,7 @@ from runtime.recording.recording import ALL
 FILTERED = ("Low-passed", "Averaged", "Smoothed")
 """First words of the sentences that these filters add to the history."""
 
-LOWEST = 1e-7
-"""Cut-off over rate at which the poles of a low-pass are 1 in double precision."""
+LOWEST = 1e-7  # cut-off over rate at which the poles of a low-pass are 1 in double precision
 AT_ONCE = 100_000
 """Values that SciPy filters in one call: a call costs as much as 2000 of them, and copies all."""
 

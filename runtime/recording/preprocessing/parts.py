@@ -15,11 +15,9 @@ from runtime.recording import Preparation, Recording, Split
 
 GUARD = 1.0
 """Guard gap times the cut-off of a Butterworth filter: 2.4 time constants of its slowest pole."""
-LARGEST_SHARE = 0.25
-"""Largest share of a part that is trimmed at either end."""
+LARGEST_SHARE = 0.25  # largest share of a part that is trimmed at either end
 
-ROUNDING = 1e-9
-"""Share of a part within which an instant is at its edge."""
+ROUNDING = 1e-9  # share of a part within which an instant is at its edge
 
 
 def split(

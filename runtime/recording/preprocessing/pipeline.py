@@ -203,8 +203,7 @@ def _filtered(
     return recording
 
 
-HELD = 16_000_000
-"""Largest number of entries of the regressor that are held at a time (128 MB)."""
+HELD = 16_000_000  # largest number of entries of the regressor that are held at a time (128 MB)
 CHUNK = 256
 """Number of instants whose whole regressor is evaluated at a time, so that it stays in the cache.
 """

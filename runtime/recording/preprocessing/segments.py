@@ -319,11 +319,9 @@ def _between(hole: Mask) -> list[slice]:
     return [slice(a, b) for a, b in itertools.pairwise(edges)]
 
 
-HALF = 8
-"""Rows on each side."""
+HALF = 8  # rows on each side
 
-EVEN = 1e-10
-"""Scatter of the places between two rows that is rounding, in steps."""
+EVEN = 1e-10  # scatter of the places between two rows that is rounding, in steps
 SHAPE = 6.0
 """Parameter of the Kaiser window: keeps the power of noise up to 0.8 of Nyquist's to 0.1 %."""
 

@@ -66,11 +66,9 @@ def _law_of(present: Container[str], prefix: str) -> ControlLaw | None:
     return ControlLaw(law="pd", **names)
 
 
-_NUMBERED = re.compile(r"(.*?)\[?([0-9]{1,4})\]?")
-"""Title that ends with the number of a joint."""
+_NUMBERED = re.compile(r"(.*?)\[?([0-9]{1,4})\]?")  # title that ends with the number of a joint
 
-_WANTED = ("dq", "tau")
-"""Signals whose absence is stated; accelerations are rarely measured."""
+_WANTED = ("dq", "tau")  # signals whose absence is stated; accelerations are rarely measured
 
 _SHOWN = 6
 

@@ -149,20 +149,16 @@ class Signal:
         return (self.unit,) if isinstance(self.unit, str) else self.unit
 
 
-JSON_CELLS = "json"
-"""Cells of a CSV that hold lists of numbers."""
+JSON_CELLS = "json"  # cells of a CSV that hold lists of numbers
 
 MEASURED, COMMANDED, CURRENT = "measured", "commanded", "current"
 """Sources of a torque: a sensor or the robot's controller, a control law, a motor current."""
 
-LAWS = ("pd",)
-"""Names of the laws."""
+LAWS = ("pd",)  # names of the laws
 
-Gain = float | tuple[float, ...] | str
-"""One number, one per joint, or the name of an array."""
+Gain = float | tuple[float, ...] | str  # one number, one per joint, or the name of an array
 
-Names = str | tuple[str | int, ...]
-"""Name of an array, or of the columns of all joints."""
+Names = str | tuple[str | int, ...]  # name of an array, or of the columns of all joints
 
 NUMBERS = ("kp", "kd", "effort_limit", "gear")
 """Keys whose value may be a number, a list or the name of an array."""

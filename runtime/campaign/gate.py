@@ -41,8 +41,7 @@ from runtime.library import Array, Library
 from runtime.recording import Recording, read_recording, write_recording
 from runtime.simulation import Box, record, settings_of
 
-AGREEMENT = 3.0
-"""Largest RMS of the residual of a new log over the RMS of the band that the model states."""
+AGREEMENT = 3.0  # largest RMS residual of a new log over that of the band that the model states
 EMPTY_CELL = Safety()  # limits of the robot alone
 RATIO = 0.2
 """Largest deviation of r from 1; links that differ by 5 % from the URDF leave 0.04, a body of 1 kg

@@ -31,8 +31,7 @@ OF_BIAS = (
     "a bias has the same effect as friction that differs between the directions; column "
     "offset of identify estimates both, so the recipe holds the gains only"
 )
-_WIDEST = 100.0
-"""Half width of an interval, N·m, from which on the value counts as not identifiable."""
+_WIDEST = 100.0  # half width of an interval, N·m, from which the value counts as not identifiable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -219,8 +219,7 @@ class LaterLogChoices(ResultChoices):
     )
 
 
-TRAINED = 0.8
-"""Share of training in what is not the test, where --split states the end of both alone."""
+TRAINED = 0.8  # share of training in all but the test, where --split states the end of both alone
 
 
 def split_of(text: str | None) -> Split | None:

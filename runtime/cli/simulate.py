@@ -58,8 +58,7 @@ BESIDE = ".truth.json", ".motion.json", ".loop.toml"
 """Suffixes of the files beside a log: true parameters, reference motion, controller."""
 Loop = tuple[Controller, ArrayLike, float]
 """Controller, rotors [kg·m²] and rate [Hz] of a simulated log."""
-Made = tuple[Recording, dict[str, Any], Loop | None]
-"""A log, its true parameters, and its closed loop."""
+Made = tuple[Recording, dict[str, Any], Loop | None]  # log, true parameters, closed loop
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

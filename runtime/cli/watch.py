@@ -41,8 +41,7 @@ from runtime.recording.reader import locate, mean_of_column
 from runtime.recording.row_marks import Marks, row_hashes, row_marks, share_of_rows
 
 SHOWN = 5
-KNOWN = 0.5
-"""Share of rows of the model, or of a log of reference, from which on a log is no later one."""
+KNOWN = 0.5  # share of rows of the model or of a reference log from which a log is no later one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

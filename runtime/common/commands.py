@@ -23,10 +23,8 @@ from runtime.common.errors import RuntimeFault
 from runtime.common.settings import Choices, as_function, choices_of, record_of, stated_settings
 from runtime.common.terminal import VERBOSE, as_typed, flowing
 
-INTERRUPTED = 130
-"""Exit code that Typer makes of Ctrl-C, where no method returns its best result so far."""
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
-"""Errors of an output that takes no more."""
+INTERRUPTED = 130  # exit code of Typer for Ctrl-C, where no method returns its best result so far
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # errors of an output that is full
 SMALLEST_NUMBER, LARGEST_NUMBER = 1e-12, 1e12
 """Sizes of the numbers of options, besides 0, in SI units: beyond them results overflow."""
 CONTEXT = {"help_option_names": ["-h", "--help"]}

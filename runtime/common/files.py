@@ -29,8 +29,7 @@ LARGEST_DOCUMENT = 2**26
 LARGEST_JSON, LARGEST_TOML = 2**24, 2**22
 """Largest sizes of text that is parsed [characters]: a list takes up to 60 times its text."""
 _DIGITS = 19  # largest number of digits of an integer that is read
-_KEY_PARTS = 32
-"""Largest number of parts of a dotted key; the time to read one grows with their square."""
+_KEY_PARTS = 32  # most parts of a dotted key; the time to read one grows with their square
 _KEY_LENGTH = 1000  # largest length of a key [characters]
 _TOML_LITERAL = re.compile(
     r'"""(?:[^\\]|\\.)*?(?:"""|\Z)|\'\'\'.*?(?:\'\'\'|\Z)|"(?:[^"\\\n]|\\.)*"?|\'[^\'\n]*\'?|#[^\n]*',

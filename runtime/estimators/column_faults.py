@@ -26,13 +26,11 @@ from runtime.recording.rest_speeds import rest_speeds
 
 ROWS = 400  # rows of the regressions: residuals differ by factors
 WIDTH = 2.5  # width ε of the smooth sign over the speed of rest
-MOVES, FEWEST = 0.2, 30
-"""Share of the rows, and their number, in which a joint must move to be tested."""
+MOVES, FEWEST = 0.2, 30  # share and number of the rows in which a joint must move to be tested
 EVIDENCE = 1.0
 """E from which on a fault counts: the residual falls by the factor e of its square. Unchanged logs
 of real arms reach 0.9, at a wrist whose torque is mostly the ripple of its sensor."""
-GOOD = 0.3
-"""ρ that every joint of the fault must reach: what the model does not explain accuses nobody."""
+GOOD = 0.3  # ρ that joints of a fault must reach: what the model does not explain accuses nobody
 ALIKE, NEAR = 0.5, 0.1
 """E below that of the best fault up to which another fault is named beside it; the same over its E
 where that is more: an exchange with a joint that hardly moves explains as much as a sign."""

@@ -175,8 +175,7 @@ SCALE = 3.0
 likeliest fault: a load of twice the own weight of an arm stays below it."""
 VISIBLE = 0.10
 """Deviation of a torque gain that a log should show; joints whose limit is higher are named."""
-LARGEST = np.radians(10.0)
-"""Limit of an encoder zero or tilt from which on a log is said not to show it."""
+LARGEST = np.radians(10.0)  # limit of an encoder zero or tilt from which a log is said to hide it
 CERTAIN = 3.0  # change of the mass of a released link over its σ from which on it is stated
 FOLLOWS = "; the result follows the data"
 """End of a sentence on a URDF or prior that is off, which is no reason to doubt the result."""

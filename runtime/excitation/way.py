@@ -199,8 +199,7 @@ def places(corners: Array, length: Array) -> Array:
 
 
 PATHS = 4  # number of paths with corners that are made; the shortest motion is taken
-POINTS = (8, 16, 32, 64, 128)
-"""Numbers of control points that are tried in turn on a way with corners."""
+POINTS = (8, 16, 32, 64, 128)  # numbers of control points tried in turn on a way with corners
 SAMPLES = 400  # number of poses of a rounded way that are examined before its certificate
 TIMED = (*("velocity", DEPENDENT[1], "acceleration", "jerk"), *("torque rate", "tip speed"))
 """Limits that a longer duration keeps; they keep the share of the motion."""

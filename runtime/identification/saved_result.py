@@ -46,8 +46,7 @@ from runtime.recording.unit_conversion import scaled
 
 FRAMES, BODIES, PRIOR = "frames", "bodies", "prior"
 """Kinds of differences: π of one model means nothing, other bodies, or the same in the other."""
-ALIKE = 1e-6
-"""Bound in m, m/s² or entries of rotations below which two models differ only by rounding."""
+ALIKE = 1e-6  # bound in m, m/s² or entries of rotations below which models differ only by rounding
 
 
 def model_part(lib: Library) -> ModelPart:

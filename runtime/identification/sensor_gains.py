@@ -49,8 +49,7 @@ RUNS = ("empty", "loaded")
 FEWEST_ROWS = 50  # samples of a run below which neither noise nor correlation can be estimated
 _BLOCK = 4096
 MOST_ROWS = 6000  # rows of both runs above which the error of the model is estimated from as many
-_DIGITS = 1e-4
-"""Relative difference up to which torques count as the same, written with fewer digits."""
+_DIGITS = 1e-4  # relative difference up to which torques are the same, written with fewer digits
 
 
 @dataclass(frozen=True, slots=True)

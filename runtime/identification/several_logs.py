@@ -51,8 +51,7 @@ OFFSET = OFFSET_COLUMN.name
 AGREEING = 2.0
 """Ratio of spread to expected spread below which logs agree; with three logs the ratio itself
 scatters by a third."""
-PAUSE = 10.0
-"""Time between two logs on the common clock [s]; longer than any gap that is interpolated."""
+PAUSE = 10.0  # time between two logs on the common clock [s]: longer than any interpolated gap
 
 
 @dataclass(frozen=True, slots=True, eq=False)

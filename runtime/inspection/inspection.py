@@ -39,8 +39,7 @@ from runtime.recording.recipes.recipe import COMMANDED, JSON_CELLS, Source
 from runtime.recording.recipes.recipe_file import load_recipe
 from runtime.recording.static_poses import static_poses
 
-_PASSIVE = 1e-9
-"""Torque of a dependent joint over the largest torque, below which no drive acts on it."""
+_PASSIVE = 1e-9  # torque of a dependent joint over the largest, below which no drive acts on it
 
 
 @dataclass(frozen=True, slots=True)

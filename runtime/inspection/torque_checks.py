@@ -30,10 +30,8 @@ from runtime.recording.rest_speeds import as_rest_speed
 from runtime.recording.settings import names_where
 
 _LOWERED = 5  # largest number of lower cut-offs that are tried
-WORSE = 0.05
-"""Excess of a candidate's score over the best one up to which it may replace the chosen one."""
-ROTORS = 0.7
-"""Residual with rotor inertia over that without, below which the checks of τ include it."""
+WORSE = 0.05  # excess of a candidate's score over the best up to which it may replace the choice
+ROTORS = 0.7  # residual with rotor inertia over that without, below which checks of τ include it
 _STEPS = (1, 2, 4, 5, 10, 20, 25, 40, 50, 100, 200, 250, 400, 500, 1000)
 """Factors of decimation that are proposed."""
 

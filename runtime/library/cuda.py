@@ -24,8 +24,7 @@ from runtime.errors import LibraryError
 __all__ = ["DeviceArray", "DeviceCode", "Gpu", "device_code"]
 
 TYPES = {"float": 4, "double": 8}  # types of numbers and their bytes
-THREADS = 128
-"""Threads per block: kernels of arms need up to 255 registers, of which a block has 65,536."""
+THREADS = 128  # threads per block; kernels of arms need up to 255 registers of its 65,536
 _NVRTC = ("libnvrtc.so.12", "libnvrtc.so.13", "libnvrtc.so", "/usr/local/cuda/lib64/libnvrtc.so")
 _LISTED = re.compile(r"(\d+) bytes spill stores.*?Used (\d+) reg", re.DOTALL)
 

@@ -126,11 +126,9 @@ def _note_suspicions(recording: Recording) -> Recording:
     return recording
 
 
-BEYOND_LIMIT = 1.0
-"""Distance beyond a joint limit from which on the unit, order or robot is wrong [rad, m]."""
+BEYOND_LIMIT = 1.0  # distance beyond a limit from which unit, order or robot is wrong [rad, m]
 
-LEAST_TORQUE = 1e-9
-"""Largest torque below which nothing was measured, or the unit is wrong [N·m, N]."""
+LEAST_TORQUE = 1e-9  # largest torque below which nothing was measured or the unit is wrong [N·m, N]
 
 LEAST_RATE = 2.0  # rate below which differences of positions do not determine the velocity [Hz]
 

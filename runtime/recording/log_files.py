@@ -19,8 +19,7 @@ from runtime.recording.formats.tables import LogTable
 from runtime.recording.recipes.recipe import NUMBERS, Recipe, Signal, Time
 from runtime.recording.recipes.recipe_file import bundled_names, load_recipe
 
-EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
-"""Logs that come with the package: <name>.npz."""
+EXAMPLES = Path(__file__).resolve().parents[1] / "examples"  # logs of the package: <name>.npz
 
 
 def known_names() -> tuple[str, ...]:

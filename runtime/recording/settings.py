@@ -272,8 +272,7 @@ class Split:
         return self.train[0], self.validation[1]
 
 
-EVERYTHING = Split((0.0, 1.0), (0.0, 1.0), (0.0, 1.0))
-"""All rows for training; the test is another log."""
+EVERYTHING = Split((0.0, 1.0), (0.0, 1.0), (0.0, 1.0))  # all rows train; the test is another log
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,8 +34,7 @@ from runtime.simulation.plant import (
     require_no_springs,
 )
 
-LONGEST_SUBSTEP = 2e-4
-"""Longest integration step of the plant, s; one step leaves an error of order h³."""
+LONGEST_SUBSTEP = 2e-4  # longest step of the plant, s; one step leaves an error of order h³
 
 _CHUNK = 500  # periods between two reports of progress, at which Ctrl-C is handled too
 

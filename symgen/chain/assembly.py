@@ -37,10 +37,8 @@ _POSES = 3
 _MOST_CHOICES = 20_000
 _DIGITS = 12
 """Decimals of the assembly pose: it starts an iteration, so that its last digits do not matter."""
-CLOSED = 1e-10
-"""Distance of two frames [m, rad] that counts as closed; Newton ends at rounding error."""
-SINGULAR = 1e-6
-"""Singular value of ∂φ/∂x, relative to the largest, below which a direction counts as lost."""
+CLOSED = 1e-10  # distance of frames [m, rad] that counts as closed; Newton ends at rounding error
+SINGULAR = 1e-6  # singular value of ∂φ/∂x over the largest, below which a direction is lost
 _NEWTON, _LONGEST = 60, 0.3  # iterations of Newton; longest step in a joint, rad or m
 _EYE = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 

@@ -18,8 +18,7 @@ MatrixRows = tuple[tuple[float, ...], ...]
 Vector = tuple[float, ...]
 
 _FACTORS = (1e-9, 1e9)  # sizes of factors other than 0: products and quotients of others overflow
-_SINGULAR = 1e-9
-"""Reciprocal condition below which named independent joints do not determine the others."""
+_SINGULAR = 1e-9  # reciprocal condition below which named joints do not determine the others
 
 
 class CouplingRow(Record, frozen=True):

@@ -21,8 +21,7 @@ _FIRST = re.compile(
     r"\ufeff?(?:\s+|<\?.*?\?>|<!--.*?-->|<![A-Za-z][^>\[]*(?:\[.*?\]\s*)?>)*+<([A-Za-z_][\w.:-]*)",
     re.DOTALL,
 )
-MOST_LINKS = 500
-"""Most links of a URDF: look-ups and comparisons take a time that grows with their square."""
+MOST_LINKS = 500  # most links of a URDF; look-ups and comparisons grow with their square
 
 
 class Document:

@@ -99,8 +99,7 @@ class Mechanism(Record, frozen=True):
     assembly: dict[str, float] = field(default_factory=dict)
 
 
-_FAR = 1e3
-"""Largest position of an assembly pose, rad or m; beyond it Newton would work on rounding error."""
+_FAR = 1e3  # largest position of an assembly pose, rad or m; beyond it Newton works on rounding
 _TABLES = ("coupling", "friction", "spring", "known_torque", "loop")
 _POINTS = ("parent", "child", "parent_xyz", "child_xyz")
 

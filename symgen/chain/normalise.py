@@ -17,8 +17,7 @@ from symgen.chain.mechanism import Mechanism
 from symgen.errors import UrdfError
 
 GRAVITY = (0.0, 0.0, -9.81)  # gravity of a build by default, in the frame of the root link [m/s²]
-_FAR = 0.05
-"""Difference of gravity, m/s², above which it is noted: more than that of any two places."""
+_FAR = 0.05  # difference of gravity, m/s², that is noted: more than that of any two places
 _HALF_PI = math.pi / 2
 
 

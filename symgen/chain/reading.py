@@ -39,8 +39,7 @@ from symgen.errors import UrdfError
 GIVEN = "given mass"  # origin of a body whose mass was stated
 PLACEHOLDER = "placeholder"  # origin of a body whose mass is not stated anywhere
 MASSLESS = "no mass"  # origin of the speck that stands for a link without mass
-MASSLESS_KG = 1e-9
-"""Mass of a speck, kg: a millionth of a gram, far below the rounding of any torque."""
+MASSLESS_KG = 1e-9  # mass of a speck, kg: a millionth of a gram, far below rounding of any torque
 PLACEHOLDER_MASS = 1.0  # mass of a placeholder, kg
 _LEAST_RADIUS = 0.05  # least radius of a body, m: about that of a robot's wrist
 

@@ -23,8 +23,7 @@ from symgen.kernel import Array
 GRAIN = 1e-4  # grid of the ends and radii, m; radii are rounded up
 LEAST_SAVING = 1 / 6  # part of the volume that one more capsule must save
 _ROUNDS = 8  # largest number of reassignments of triangles; three or four suffice
-_CONSTRAINED = 400
-"""Largest number of points for SLSQP; the radius is then checked with all of them."""
+_CONSTRAINED = 400  # most points for SLSQP; the radius is then checked with all of them
 _POINT = 1e-9  # radius of the sphere that represents a point, m
 
 

@@ -18,8 +18,7 @@ from symgen.collision.model import BASE
 from symgen.errors import CollisionError
 from symgen.kernel import Array
 
-FARTHEST = 10.0
-"""Largest coordinate of a shape in the frame of its link, m; beyond it a mesh is in mm."""
+FARTHEST = 10.0  # largest coordinate of a shape in its link's frame, m; beyond it a mesh is in mm
 EDGE = 0.02  # longest edge of a triangle after cutting, m
 _CORNERS = 32  # corners of the polygon around a circle
 

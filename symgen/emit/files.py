@@ -157,8 +157,7 @@ SHIPPED = (
 NUMBERS = Numbers("T", "T({})", turn="symgen_turn")
 PRECISIONS = {"double": DOUBLE, "single": Numbers("float", "{}f", "f")}
 """Numbers of a microcontroller."""
-SHARED_MEMORY = 24576
-"""Bytes of rows that a block keeps in shared memory, half of what every device has."""
+SHARED_MEMORY = 24576  # bytes of rows in shared memory of a block, half of what every device has
 WHOLE = 16  # rows are padded to as many bytes: four numbers in single precision load as one
 
 

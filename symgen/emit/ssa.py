@@ -77,8 +77,7 @@ _NEEDS_VECTORS = frozenset(
     (ca.OP_ATAN2, ca.OP_FMIN, ca.OP_FMAX, ca.OP_IF_ELSE_ZERO, ca.OP_AND, ca.OP_OR)
 )
 """Operations whose shared operands must be broadcast to all lanes."""
-LATENCY = 4
-"""Cycles until the result of a multiplication or addition is available (current processors)."""
+LATENCY = 4  # cycles until a product or sum is available (current processors)
 LONGER = {"vd_sincos(": 60, "vd_exp(": 60, "vd_sqrt(": 20, "1.0 / ": 13}
 """Cycles of statements that contain these texts; the functions are those of lanes.h."""
 ISSUE = 2  # multiplications that start per cycle

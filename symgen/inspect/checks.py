@@ -32,8 +32,7 @@ DECIMALS = (-1, 1, -2, 2, -3, 3, -4, 4, -5, 5, -6, 6)
 STRETCH = 1.2  # factor by which a body may exceed its shapes, since hulls are coarse
 TREE_STRETCH = 3.0
 """The same factor where the size of a link is known from the distances of its joints only."""
-FLAT = 1e-6
-"""Smallest over largest spread of a mass below which it has no thickness: rounding of a file."""
+FLAT = 1e-6  # smallest over largest spread of a mass below which it is flat: rounding of a file
 STUB = 0.1  # smallest length of a link relative to the sum of all (joints of a wrist coincide)
 TURNS = 20.0  # largest plausible limit, rad, about three turns: larger ones are usually in degrees
 

@@ -95,15 +95,12 @@ def _digits(value: float) -> str:
 FLOOR = 1e-2  # ε: P ⪰ FLOOR · P_ref keeps at least this part of a reference body in every direction
 THIN = 1e-2
 """Least eigenvalue of Σ_com over their sum of the reference body of an inconsistent link."""
-ROUND = 0.1
-"""The same of the body that defines the distance: rounder, so that no direction is stiff."""
-KEPT = 1e-7
-"""Relative change of torque up to which β counts as kept; the cone solver leaves about 1e-9."""
+ROUND = 0.1  # the same of the body that defines the distance: rounder, so no direction is stiff
+KEPT = 1e-7  # relative change of torque up to which β is kept; the cone solver leaves about 1e-9
 SLACK = 0.25
 """Part of the smallest torque change that is added to stay near the file: the minimum itself needs
 absurd bodies (centres of mass 10 cm away on the FR3 of 2023)."""
-STILL = 1e-5
-"""Relative change below which a consistent link is left as written; the solver leaves 1e-6."""
+STILL = 1e-5  # relative change below which a consistent link is left as written; solvers leave 1e-6
 _SVEC = tuple((i, j) for j in range(4) for i in range(j + 1))
 """Entries of the upper triangle of a (4, 4) matrix, column by column, as in Clarabel."""
 _WEIGHT = np.array([1.0 if i == j else np.sqrt(2.0) for i, j in _SVEC])

@@ -44,8 +44,7 @@ VECTOR_FLAGS = (
     "-fno-tree-vectorize",  # the vectors are there already; looking for more costs compile time
     "-fno-tree-slp-vectorize",
 )
-QUICK = ("-DQUICK",)
-"""The functions of kernels.c that no loop calls are compiled without optimisation."""
+QUICK = ("-DQUICK",)  # functions of kernels.c that no loop calls are compiled without optimisation
 FALLBACK = ("-O0", "-DBY_SAMPLE")
 """The portable level beside a better one, which processors that lack the better one load.
 

@@ -25,8 +25,7 @@ from symgen.chain.reading import parse_with_pinocchio
 from symgen.collision.model import BASE, CollisionModel, Pair, Proxy
 from symgen.errors import BuildError
 
-ROOM = 0.1
-"""Share of half a range, or rad or m of a range with one end, that is room enough at home."""
+ROOM = 0.1  # share of half a range, or rad or m of a range with one end, that is enough at home
 _MOST = 1.0  # upper bound of t: the middle of the range
 
 Vector = Annotated[

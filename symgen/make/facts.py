@@ -24,12 +24,10 @@ from symgen.mechanics import inertia, passive
 from symgen.mechanics.base_parameters import BaseParameters
 from symgen.mechanics.passive import friction_coordinates
 
-ROUNDED = 1e-4
-"""Error of a right angle, rad, that a URDF with four decimals makes; the notes report it."""
+ROUNDED = 1e-4  # error of a right angle, rad, of a URDF with four decimals; the notes report it
 
 WORLD = "world"  # frame of the pose and of gravity where the base is free
-PROJECTION_FLOOR = 1e-4
-"""Smallest eigenvalue of Σ_com after --settings project=true, relative to its trace."""
+PROJECTION_FLOOR = 1e-4  # smallest eigenvalue of Σ_com over its trace after --settings project=true
 
 
 def initial_parameters(chain: Chain, project: bool) -> tuple[Array, dict[str, float]]:

@@ -74,8 +74,7 @@ class ExpectedCost:
         )
 
 
-_OF_ONE_BUILD = (".so", ".tmp", ".casadi", "_casadi.c")
-"""Ends of files that do not outlive their build."""
+_OF_ONE_BUILD = (".so", ".tmp", ".casadi", "_casadi.c")  # ends of files of one build only
 _AT_FDCWD = -100
 _RENAME_EXCHANGE = 2
 

@@ -32,8 +32,7 @@ m|c|² may exceed the inertia of a thin body by orders of magnitude.
 """
 MassMoments = tuple[Matrix, Matrix, Matrix]
 """(m, m·c, I): () kg, (3,) kg·m, (3, 3) kg·m² about the origin of a frame."""
-THINNEST = 1e-3
-"""Smallest standard deviation of mass along an axis that a projected body may have, m."""
+THINNEST = 1e-3  # least standard deviation of mass along an axis that a projected body may have, m
 
 
 def mass_moment_inertia(pi: Matrix) -> MassMoments:

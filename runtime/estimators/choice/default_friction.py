@@ -84,8 +84,7 @@ DEFAULT_COLUMNS = tuple(each.name for each in (OFFSET, VISCOUS, COULOMB, ROTOR))
 MEMORY = DAHL.name  # column that replaces "coulomb" where friction depends on the path
 LOADED = LOAD.name
 """Column beside "coulomb" or "dahl" of gears whose dry friction grows with their load."""
-SPRINGS = SPRING
-"""Word for the columns of all springs of unknown stiffness, which every candidate has."""
+SPRINGS = SPRING  # word for columns of all springs of unknown stiffness, which every candidate has
 USABLE = (*DEFAULT_COLUMNS, MEMORY, LOADED, SPRINGS)  # columns of a method that can use all of them
 UNKNOWN = 1e3  # factor on the spread of the prior of robots whose URDF states no masses
 ROWS = 4000  # rows that the choice uses, evenly spread

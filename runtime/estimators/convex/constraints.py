@@ -30,8 +30,7 @@ BARRIER = 1e-2
 """Weight of the logarithm of a half-space relative to γ: small, so that only near points move."""
 ROOM = 0.05  # largest distance of the first point from the constraints, in units of the prior
 LEAST_ROOM = 1e-6  # distance below which no strictly consistent point exists
-ROOM_COST = 1e4
-"""Cost of missing distance from the constraints, relative to distance from the prior."""
+ROOM_COST = 1e4  # cost of missing distance from constraints, relative to distance from the prior
 ACTIVE = 1e-2  # slack, relative to its scale, below which a half-space holds with equality
 
 

@@ -272,8 +272,7 @@ def better(direct: Minimum, continued: Minimum) -> Minimum:
 
 SMALLEST_GAP = 1e-7  # certificate at the end of the path, relative to the loss
 FIRST, SHRINK = 1e-1, 10.0  # γ at the start in units of the loss, and its ratio from step to step
-PATIENCE = 60
-"""Newton steps per γ: more are needed only where the optimum drifts to implausible bodies."""
+PATIENCE = 60  # Newton steps per γ; more only where the optimum drifts to implausible bodies
 EXPLAINED = 1e-9  # losses below this share of that of τ̂ = 0 count as rounding
 
 

@@ -64,8 +64,7 @@ SMOOTH_HZ = 20.0
 DELAY, WANDER = 0.5, 0.5
 """Standard deviation of δ, in steps, and of its change in a second: behind a rotor J it is
 (M + J)⁻¹ M of half a step, and M depends on the posture."""
-JITTER = 1e-10
-"""Process noise of every velocity and step, (rad/s)², so that no covariance is singular."""
+JITTER = 1e-10  # process noise of every velocity and step, (rad/s)², so no covariance is singular
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,8 +29,7 @@ _FLAT = 1e-6  # relative decrease of the loss below which training stops
 _FIRST_DAMPING, _LARGEST_DAMPING = 1e-2, 1e10
 """Damping at the start and the one beyond which no step is tried, relative to diag(JᵀJ)."""
 ROUNDS = 2
-INPUTS = ("viscous", "coulomb", "dahl")
-"""Friction columns that are the inputs of the nets by default."""
+INPUTS = ("viscous", "coulomb", "dahl")  # friction columns that are inputs of the nets by default
 
 
 @dataclass(frozen=True, slots=True)

@@ -218,8 +218,7 @@ def friction_columns(fit: FreeFit) -> tuple[Array, list[int]]:
     return columns[:, :, moving].reshape(len(dq) * n, -1), [int(k) for k in np.flatnonzero(moving)]
 
 
-SLOW = 0.06
-"""Speed at which friction that grows with the load has nearly its whole size [rad/s, m/s]."""
+SLOW = 0.06  # speed at which friction that grows with load has nearly its whole size [rad/s, m/s]
 KINDS = np.repeat([0, 1], [5, 4])
 """Kind of every shape, each with its λ: 0 of the posture (q, sin q, cos q, sin 2q, cos 2q), 1 of
 friction (load, bend over the speed, peak at low speed, stroke of the memory)."""
@@ -234,8 +233,7 @@ SHAPES = len(KINDS)  # number of shapes
 PLACEHOLDER = 100.0
 """Limits of effort over the largest torques of a log from which on, at every joint, they are none
 of this robot: a URDF has 2000 N·m at a small arm. A wrist alone may hardly be used."""
-QUANTILES = 400
-"""Number of candidates of a common λ²: the smallest is a thousandth of the expected one."""
+QUANTILES = 400  # candidates of a common λ²: the smallest is a thousandth of the expected one
 
 
 def nuisance_columns(lib: Library, pi: Array, samples: Samples) -> Array:

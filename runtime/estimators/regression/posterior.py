@@ -19,15 +19,12 @@ import numpy as np
 
 from runtime.library import Array
 
-ROUNDING = 1e-9
-"""Singular value over the largest, below which a direction of measured columns is rounding."""
-APART = 1e-6
-"""The same for columns that others were taken out of: rounding × condition of the others."""
+ROUNDING = 1e-9  # singular value over the largest below which a measured direction is rounding
+APART = 1e-6  # the same for columns less others: rounding × condition of the others
 INVOLVED = 1e-6
 """Share of an unknown in an absent direction above which it is not determined: the square root of
 rounding, 1e-8, with a margin."""
-DETERMINED = 0.1
-"""Posterior over prior variance below which a parameter counts as determined by the data."""
+DETERMINED = 0.1  # posterior over prior variance below which the data determine a parameter
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -353,8 +353,7 @@ DELAY_STEP_S = 0.005  # step of the delays that are tried [s]
 FOLDS = 5
 LEAST_GAIN = 0.1
 """Share by which further columns have to lower the mean square error (geometric mean of joints)."""
-_RANK = 1e-10
-"""Eigenvalue of a Gram matrix of unit columns, over the largest, below which it counts as 0."""
+_RANK = 1e-10  # eigenvalue of a Gram matrix of unit columns, over the largest, below which it is 0
 
 
 @dataclass(frozen=True, slots=True)

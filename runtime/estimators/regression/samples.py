@@ -21,8 +21,7 @@ from runtime.recording.recording import complete_arrays
 NORMAL_95 = 1.959963984540054
 """Half width of the two-sided 95 % interval of a normal variable in standard deviations."""
 LAGS = 24  # lags of the autocorrelation, in samples
-SILENT = 1e-6
-"""Residual, relative to the largest RMS torque of a joint, below which it counts as rounding."""
+SILENT = 1e-6  # residual, relative to the largest RMS torque of a joint, below which it is rounding
 ARRAYS = ("q", "dq", "acceleration", "tau", "columns", "base")
 THESIS_SIGMA = 0.5  # regularisation of Eq. 4.8, N·m
 

@@ -25,8 +25,7 @@ from runtime.library import Array, Indices, Library
 from runtime.library.manifest import torque_units
 
 TABLE_MARGIN = 0.03  # margin between every moving proxy and the table or an obstacle, m
-CARRIED_MARGIN = 0.02
-"""Margin between a carried box and the links of a robot that states no margins, m."""
+CARRIED_MARGIN = 0.02  # margin between a carried box and links of a robot that states no margins, m
 FIT_PROXIES = (
     "fit them with: python -m symgen proxies URDF --out X.toml, and build with --config X.toml"
 )

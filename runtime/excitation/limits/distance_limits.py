@@ -25,8 +25,7 @@ from runtime.excitation.limits.nonlinear_limits import (
 )
 from runtime.library import Array, Indices, Library, ProxyFacts
 
-LENGTH = 0.1
-"""Unit of distances in constraints, m: what is missing or left by this is one whole limit."""
+LENGTH = 0.1  # unit of distances in constraints, m: what is missing or left by this is one limit
 NEAR_AND_FAR = 2e-5, 9e-5  # tolerances of proven distances: 2 µm near the margin, else 9 µm
 
 

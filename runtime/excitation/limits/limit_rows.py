@@ -19,8 +19,7 @@ from runtime.library import Array, Indices, Library
 
 LIMIT_STEP = 0.1
 """Step of the grid of limits in the descent, s (Sec. 3.4.2); the result is checked at 1 kHz."""
-DEFAULT_ACCELERATION = 10.0
-"""Acceleration limit of joints for which the robot states none, rad/s² or m/s²."""
+DEFAULT_ACCELERATION = 10.0  # acceleration limit where the robot states none, rad/s² or m/s²
 DEFAULT_RANGE = np.pi  # range on both sides of home of a joint without position limits, rad or m
 
 

@@ -21,8 +21,7 @@ import numpy as np
 
 from runtime.library import Array, Library
 
-ROUNDING = 1e-12
-"""Of a value, relative to its bound: 64 ε of the motion, and some thousand operations."""
+ROUNDING = 1e-12  # of values over their bounds: 64 ε of the motion, and some thousand operations
 SMOOTH = 1e-6, 1e-2  # tolerances of proven bounds of smooth functions
 
 

@@ -185,8 +185,7 @@ BASES = Registry(
     },
 )
 """All bases of excitation motions by name; these return home."""
-MOST_SAMPLES = 10_000_000
-"""Largest number of samples: more exceed the memory of an ordinary computer."""
+MOST_SAMPLES = 10_000_000  # most samples: more exceed the memory of an ordinary computer
 
 
 @dataclass(frozen=True, slots=True)

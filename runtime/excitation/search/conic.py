@@ -17,8 +17,7 @@ from scipy import sparse
 
 from runtime.library import Array, Indices, Mask
 
-MU = 20.0
-"""Penalty μ: f is log cond or like it, x has size one at the bounds; multipliers stay below 5."""
+MU = 20.0  # penalty μ: f is like log cond, x has size one at the bounds; multipliers stay below 5
 _FIRST = -0.02  # peaks above this value are used in the first programme of a step
 _CORRECTED = 400  # most rows of a correction: more are no small violation
 TOLERANCE = 1e-9  # tolerance of the programmes: relative gap and feasibility

@@ -33,17 +33,13 @@ from runtime.excitation.search.criteria import CRITERIA
 from runtime.excitation.search.single_start import TRIED, Search
 from runtime.library import Array, Library
 
-FIRST = 3
-"""Number of random starts of a smooth criterion in the first round; none of them is given up."""
-DRAWN, FEWEST_DRAWN = 0.25, 4
-"""Share and least number of the starts of a smooth criterion that are random."""
-WARM_ROUNDS = 10
-"""Number of rounds of the starts of a smooth criterion that begin near the best ones."""
+FIRST = 3  # random starts of a smooth criterion in the first round; none of them is given up
+DRAWN, FEWEST_DRAWN = 0.25, 4  # share and least number of random starts of a smooth criterion
+WARM_ROUNDS = 10  # rounds of the starts of a smooth criterion that begin near the best ones
 SHARE, SMOOTH_SHARE = 1.0, 2.0
 """Variations per start where log cond decides, and where a smooth criterion does; one takes a third
 of the time of a random start."""
-FEWEST_STARTS = 8
-"""Smallest number of starts after which variations follow, or among which some are warm."""
+FEWEST_STARTS = 8  # fewest starts after which variations follow, or among which some are warm
 ROUNDS = 6  # number of rounds of variations
 PARENTS = 8  # largest number of parents
 DISTINCT = 1e-3  # difference of log cond below which two optima count as the same
@@ -132,8 +128,7 @@ def _best(
 
 
 STEP = 1e-3  # step of the grid on which the limits hold, s
-STRICT = 2e-4
-"""Margin of nonlinear limits on that grid: their curvature between its samples is smaller."""
+STRICT = 2e-4  # margin of nonlinear limits on that grid; their curvature between samples is smaller
 SCALES = 1 - 1e-4 * np.concatenate([[0], 2.0 ** np.arange(10)])
 """Factors of the motion, down to 0.95."""
 SLOWER = 1.01 ** np.arange(1, 41)  # factors of the duration, up to 1.5

@@ -28,8 +28,7 @@ from runtime.excitation.search.semidefinite_polish import polish
 from runtime.excitation.search.sqp import TOLERANCE, Objective, descend
 from runtime.library import Array, Indices, Library
 
-NOISE = 0.2, 0.8
-"""Smallest and largest noise on all coordinates of a variation; 1 reaches the bounds."""
+NOISE = 0.2, 0.8  # least and largest noise on all coordinates of a variation; 1 reaches the bounds
 FAR_NOISE = 0.45, 0.75
 """The same far from a parent: with less, most descents of a smooth criterion return to it; with
 more, most are given up. Between 0.5 and 0.7 they gained twice as much as between 0.7 and 0.9."""
@@ -142,8 +141,7 @@ def _chosen(rng: np.random.Generator, joints: int, count: int, size: int) -> Arr
 
 
 START = 0.5  # limit use of a random start: far enough inside to choose its basin
-FINE_STEP = 0.01
-"""Step of the grid of the last polish, s: between its points motions overshoot by 1e-5."""
+FINE_STEP = 0.01  # step of the last polish's grid, s: between its points motions overshoot by 1e-5
 FINE_POINTS = 1000  # most points of that grid
 POLISH = 40  # most semidefinite programmes, or steps of the last descent of a smooth goal
 TIGHTENED = 2e-3

@@ -32,8 +32,7 @@ from runtime.recording import Recording
 UNCONSTRAINED = "ols"  # method whose growth of the error from training to test shows over-fitting
 BLOCKS = 10
 LEVEL = 0.95
-WORTHWHILE = 0.01
-"""Relative reduction of the torque error below which a method does not count as better."""
+WORTHWHILE = 0.01  # relative reduction of the torque error below which a method is not better
 ENOUGH = 0.5  # share of the base parameters below which the data count as dominated by the prior
 OVERFIT = 1.1
 """Growth of the error of OLS from training to test over that of the recommended method, above which

@@ -50,18 +50,15 @@ from runtime.recording.preprocessing.segments import rate_of, segments
 from runtime.recording.recipes.recipe import ControlLaw
 from runtime.recording.settings import COLUMNS, JointMotion, has_memory, signals_for
 
-ROUGH_ROWS = 600
-"""Rows of the passes before the last: rows of a low-passed log are nearly redundant."""
+ROUGH_ROWS = 600  # rows of passes before the last: those of a low-passed log are nearly redundant
 MOST_ROWS, STRETCHES = 6000, 8  # rows above which only as many, in contiguous stretches, are used
-_H = 1e-6
-"""Step of the central difference in q [rad, m]: its error is 1e-12 relative, rounding 1e-10."""
+_H = 1e-6  # step of a central difference in q [rad, m]: its error is 1e-12 relative, rounding 1e-10
 FEEDBACK = "Removed what the control law makes of the torque noise from τ (drive.feedback)."
 """Sentence in the history of the training part."""
 MOST_RESPONSE = 0.3
 """Response over the motion, both RMS, above which the loop is not that of the robot: it is
 unstable in the model, while the robot moved."""
-_STEP = 1e-4
-"""Step of the derivative of friction [rad/s, m/s]: far below every width of a Coulomb sign."""
+_STEP = 1e-4  # step of the slope of friction [rad/s, m/s]: far below every width of a Coulomb sign
 _PRESENT = 1e-2
 """Singular value of unit columns, over the largest, below which a direction is left alone: the
 prior decides there, and c would be large and depend on the weights of the joints."""

@@ -19,8 +19,7 @@ friction are ±1 in steady motion."""
 BIAS_PRIOR = 0.02
 """Standard deviation of the prior of an encoder bias [rad, m]: the residual of a calibration by
 hand, a degree."""
-DETERMINED = 0.5
-"""σ of an encoder bias over that of its prior below which the motion counts as informative."""
+DETERMINED = 0.5  # σ of an encoder bias over that of its prior below which a motion is informative
 
 
 def places_of(columns: tuple[str, ...]) -> dict[str, int]:

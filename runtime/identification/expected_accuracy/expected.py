@@ -244,8 +244,7 @@ def unseen_torque(over_base: Array, unseen: Array) -> Array:
 WORTHWHILE = 0.10  # gain above which further recording is recommended
 SECONDS = (10.0, 30.0, 60.0)  # further recording times that are evaluated by default, s
 _NAMED = 3
-KNOTS = 24
-"""Number of instants; they are closer together at the beginning, where σ decreases fastest."""
+KNOTS = 24  # number of instants, closer together at the beginning, where σ decreases fastest
 SOONEST = 0.02  # first instant, as a share of the motion
 
 

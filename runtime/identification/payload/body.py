@@ -26,8 +26,7 @@ from runtime.library import Array, Library
 from runtime.library.parameters import inertia_entries, inertia_matrix, link_columns
 from runtime.recording.notebook import Shown
 
-FORMAT = 1
-"""Number of the format of payload.json; it is raised by a change that readers would misread."""
+FORMAT = 1  # number of the format of payload.json, raised by a change that readers would misread
 _ROUNDING = 1e-9  # negative part of a principal moment, over the trace, that counts as rounding
 
 

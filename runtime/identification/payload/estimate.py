@@ -44,8 +44,7 @@ from runtime.recording.preprocessing import prepare
 from runtime.recording.recording import require_recording
 from runtime.recording.row_marks import same_rows
 
-LENGTH = 0.1
-"""Relative difference of the durations above which the runs are not the same trajectory."""
+LENGTH = 0.1  # relative difference of durations above which the runs are not the same trajectory
 
 APART = 0.05
 """Largest distance of the positions over the travel of a joint; controllers stay within 1 %."""
@@ -85,8 +84,7 @@ def empty_residual(
     return at(residual)
 
 
-BALL_MASS, BALL_RADIUS = 0.5, 0.06
-"""Prior: a ball of 0.5 kg and 6 cm radius with its centre at the mount."""
+BALL_MASS, BALL_RADIUS = 0.5, 0.06  # prior: a ball of 0.5 kg and 6 cm radius, centred at the mount
 PASSES = 3  # passes in which the noise follows the residuals
 FEWEST_ROWS = 50  # samples below which neither noise nor correlation can be estimated
 _BLOCK = 4096

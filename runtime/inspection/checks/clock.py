@@ -28,22 +28,18 @@ from runtime.recording.rest_speeds import rest_speeds
 
 REPEATED = 0.002
 """Share of the rows that may repeat the one before, while the arm moves, without a finding."""
-HOLE_S = 0.1
-"""Length [s] from which on a pause of more than ten steps is a hole, not dropped samples."""
+HOLE_S = 0.1  # length [s] from which a pause of more than ten steps is a hole, not dropped samples
 BETTER = 0.7
 """Misfit of Δq = v Δt on the rebuilt over that on the logged clock, below which it is proposed."""
 COUNTABLE = 0.15
 """Misfit of Δq = v Δt on the rebuilt clock, below which its ticks are certain enough to count."""
-BRIDGED_S = 0.06
-"""Longest gap that is interpolated where rows are left out [s]: single rows, not bursts."""
+BRIDGED_S = 0.06  # longest interpolated gap where rows are left out [s]: single rows, not bursts
 _GAP_STEPS = 10.0
-_COUNTS = 5.0
-"""Encoder counts per row above which a repeated value is not the resolution of the encoder."""
+_COUNTS = 5.0  # encoder counts per row above which a repeated value is not its resolution
 _NICE = (1.0, 2.0, 2.5, 4.0, 5.0, 8.0, 10.0)
 EVEN = 0.05  # largest relative spread of the steps of a clock that counts as made up
 MADE_UP = 0.95  # share of such steps from which on the clock counts as made up
-LOST, WIDTH = 0.004, 0.2
-"""Share of the steps with r = 2 that is reported, and their distance from it."""
+LOST, WIDTH = 0.004, 0.2  # share of steps with r = 2 that is reported, and their distance from it
 BETWEEN = (1.35, 1.65)  # r of neither case, which noise fills as well
 CLEAR = 4.0  # steps with r = 2 over those between, so that noise is excluded
 FEWEST_ROWS = 100

@@ -21,13 +21,11 @@ MOST_ROWS = 20_000  # rows that are compared; more change no correlation
 FEWEST_ROWS = 20  # rows below which nothing is concluded
 LARGEST_NUMBER = 1e100  # largest size of a number; squares of larger ones overflow
 STEADY = 0.5  # largest standard deviation of a clock's steps, relative to their median
-DERIVATIVE = 0.9
-"""Least correlation, median over joints, of a derivative with the signal that it is."""
+DERIVATIVE = 0.9  # least correlation, median of joints, of a derivative with the signal that it is
 ACCELERATION = 0.95
 """The same for accelerations: a torque that only accelerates a mass comes close to them."""
 ALIKE = 0.15  # largest deviation of the slopes of an acceleration from one unit for all joints
-NOISY = 0.6
-"""Least correlation of a second derivative: noise of positions grows, but not its slopes."""
+NOISY = 0.6  # least correlation of a second derivative: noise of positions grows, not its slopes
 LARGEST_ANGLE = 720.0
 """Two turns in degrees; larger positions beside columns that could be joints are lengths in mm."""
 UNIT_LENGTH = 1e-3  # largest difference of the squared length of a quaternion from 1

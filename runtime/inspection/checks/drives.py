@@ -29,8 +29,7 @@ from runtime.recording.preprocessing import prepare
 from runtime.recording.recipes.recipe import Gain
 from runtime.recording.settings import COLUMNS
 
-DOMINANT = 0.5
-"""Share of the torque that the links leave unexplained from which on the drives dominate."""
+DOMINANT = 0.5  # share of the torque that links leave unexplained from which the drives dominate
 REMOVED = 0.5  # share of that rest that the drives must explain
 STILL = 0.02  # travel [rad or m] below which a joint does not count
 WRONG_GAIN = 1.5  # factor on the gains of a law that no usual error of a URDF explains

@@ -25,12 +25,10 @@ WINDOW = 5  # rows of the median
 QUANTILE, TIMES, RANGE = 0.95, 20.0, 0.02
 """Constants of the equation above. Corrupt rows are fewer than 5 % of a log; normal noise exceeds
 its 95 % quantile by a factor of 3 in millions of rows."""
-MOST_OUTLIERS = 0.05
-"""Share of the rows above which a signal is noisy rather than corrupt in places."""
+MOST_OUTLIERS = 0.05  # share of rows above which a signal is noisy rather than corrupt in places
 APART = 10  # rows between two outliers that belong to different bursts
 ALIKE = 0.5  # smaller over larger jump of a displacement: q moves on between them
-FASTER = 2.0
-"""Step across a gap over that at the largest speed of the log, above which it is a jump."""
+FASTER = 2.0  # step across a gap over that at the largest speed of a log, above which it is a jump
 BEYOND = 1.2  # torque over the limit of effort from which on it cannot be one of the drive
 FEWEST_ROWS = 50  # rows below which no quantile is taken
 MOST_SPANS = 200  # intervals that a recipe takes

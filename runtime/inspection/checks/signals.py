@@ -30,8 +30,7 @@ from runtime.recording.rest_speeds import (
 FLAT_ROWS = 5  # equal extreme values in a row, while the joint moves, that make a flat top
 FLAT_SHARE = 0.002  # share of the rows in flat tops above which a torque counts as cut off
 NEAR_LIMIT = 0.98  # peak torque over the limit of effort from which on the joint is named
-AT_END = 5e-4
-"""Distance from the end of the range [rad or m] within which a joint stands at its stop."""
+AT_END = 5e-4  # distance from the end of a range [rad or m] within which a joint stands at its stop
 STOP_SHARE = 0.01  # share of the rows at a stop above which it is reported
 MOVING_ROWS = 20  # rows of a moving joint that a torque must vary over
 REST_SHARE, MOSTLY = 0.05, 0.9  # share of resting rows above which rest is reported

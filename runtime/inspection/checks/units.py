@@ -18,8 +18,7 @@ from runtime.recording.consistency import slopes_of, unwrap
 from runtime.recording.recipes.recipe import UNITS, Signal
 
 TINY = 0.06  # span [rad] below which the numbers may be radians that were read as degrees
-DOUBT = 0.8
-"""Mismatch of τ with gravity above which degrees are rejected though the limits allow them."""
+DOUBT = 0.8  # mismatch of τ with gravity above which degrees are rejected though limits allow them
 LOADED, DRIVEN, SHOWN, DENSE = 0.5, 0.2, 0.8, 900
 """Of the joints whose gravity torque is this share of the largest one: squared residual of a drive
 alone over the variance of τ, up to which drives take nearly all of it (0.02 Z1, 0.11 TX40); squared

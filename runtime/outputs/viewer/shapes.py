@@ -21,12 +21,10 @@ from runtime.errors import LibraryError, RuntimeFault
 from runtime.library import Array, Library
 
 BASE = "base"
-SLENDER = 25.0
-"""Length of all links together over the radius of one without shape, as of usual arms."""
+SLENDER = 25.0  # length of all links over the radius of one without shape, as of usual arms
 WIDER = 1.3  # radius of a joint over that of the link
 LARGEST_COORDINATE = 1e4  # largest coordinate that is accepted [m]
-COLOURS = ((96, 125, 160, 255), (170, 185, 205, 255))
-"""Colours (RGBA) of links without one, in turn."""
+COLOURS = ((96, 125, 160, 255), (170, 185, 205, 255))  # RGBA colours of links without one, in turn
 
 
 @dataclass(frozen=True, slots=True)

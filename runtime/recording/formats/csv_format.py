@@ -34,11 +34,9 @@ from runtime.recording.recipes.default_convention import columns_convention, unr
 from runtime.recording.recipes.recipe import SI, Recipe, Signal, Time
 from runtime.recording.recording import Recording
 
-FRANKA = {"q": "position", "dq": "velocity", "tau_J": "torque"}
-"""Column of logToCSV → kind of signal."""
+FRANKA = {"q": "position", "dq": "velocity", "tau_J": "torque"}  # column of logToCSV → its signal
 HEAD, FRANKA_HEAD = 200, 50  # lines in which a header is looked for: any one, and that of logToCSV
-PIECE = 2**23
-"""Number of characters of a streamed text that are parsed at once; a line must be shorter."""
+PIECE = 2**23  # characters of a streamed text that are parsed at once; a line must be shorter
 
 
 class TextReader(LogReader):

@@ -23,8 +23,7 @@ from runtime.recording.formats.tables import EXPANSION, MAX_CORRUPT, SLACK, Colu
 
 SHOWN = 60  # largest number of characters of a line in a message
 GZIP = b"\x1f\x8b"  # first bytes of gzip data
-SIZES = 2**24, 2**18
-"""Numbers of characters that are parsed at once: first, and again where a line is odd."""
+SIZES = 2**24, 2**18  # characters that are parsed at once: first, and again where a line is odd
 LONG = 2**22  # number of characters from which pyarrow, where it is installed, repays its import
 PIECE = 2**14  # number of characters that are divided at once; a short line takes 30 times its text
 

@@ -322,8 +322,7 @@ def _between(hole: Mask) -> list[slice]:
 HALF = 8  # rows on each side
 
 EVEN = 1e-10  # scatter of the places between two rows that is rounding, in steps
-SHAPE = 6.0
-"""Parameter of the Kaiser window: keeps the power of noise up to 0.8 of Nyquist's to 0.1 %."""
+SHAPE = 6.0  # Kaiser parameter: keeps the power of noise up to 0.8 of Nyquist's to 0.1 %
 
 
 def interpolate(at: Array, t: Array, values: Array) -> Array:

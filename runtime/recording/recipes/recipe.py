@@ -34,8 +34,7 @@ UNITS: dict[str, dict[str, float]] = {
     "acceleration": {"rad/s^2": 1.0, "deg/s^2": pi / 180, "m/s^2": 1.0, "mm/s^2": 1e-3},
     "torque": {"N*m": 1.0, "mN*m": 1e-3, "N": 1.0, "A": 1.0, "mA": 1e-3},
 }
-SI = {kind: next(iter(units)) for kind, units in UNITS.items()}
-"""Kind of signal → the SI unit of hinges."""
+SI = {kind: next(iter(units)) for kind, units in UNITS.items()}  # signal → SI unit of hinges
 EXTRA_UNITS = {"degC": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0, "V": 1.0, "A": 1.0, "1": 1.0}
 """Units of further signals [°C, s, V, A]; kelvins are degC with offset = -273.15."""
 

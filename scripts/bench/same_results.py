@@ -204,7 +204,7 @@ def compare(
 def difference(old: Value, new: Value, rtol: float) -> tuple[list[str], float]:
     """Sentences on how two values differ, and the largest relative difference."""
     if isinstance(old, list) or isinstance(new, list):
-        return _text_difference([str(x) for x in old], [str(x) for x in new], rtol)
+        return _text_difference(*([str(x) for x in np.ravel(each)] for each in (old, new)), rtol)
     if old.shape != new.shape:
         return [f"shape {old.shape} → {new.shape}"], np.inf
     if np.array_equal(old, new, equal_nan=True):

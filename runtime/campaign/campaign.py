@@ -42,8 +42,7 @@ HARMONICS = 5
 LEAST_MOTIONS = 2
 """Motions before a target counts as reached: the few seconds of the first one at full speed hardly
 determine what the friction columns depend on, and other minima look like noise."""
-UNSEEN_LATER = 0.2
-"""Share of friction and ripple not yet seen that a log of a further motion may still show."""
+UNSEEN_LATER = 0.2  # share of friction and ripple not yet seen that a further motion may still show
 STATE = "state.json"
 NEAR = START / 2  # distance from the start below which a robot stays where it is [rad, m]
 WAY_SPEED = 0.1  # share of full speed on the way to the start

@@ -23,8 +23,7 @@ MARGIN = 0.05  # share of velocity and torque limits that a sample may exceed, f
 TRACKING = 0.02  # largest distance from the commanded position, as a share of the range of a joint
 WIDEST = 0.05  # upper bound of that distance [rad, m]
 BANDWIDTH = 1000.0
-WINDOW = 0.003
-"""Bandwidth [1/s] and averaging window [s] of the observer: it shows 96 % of a step after 5 ms."""
+WINDOW = 0.003  # bandwidth [1/s] and window [s] of the observer: 96 % of a step after 5 ms
 ACCELERATION_NOISE = 1.0
 """σ of M⁻¹ r by the noise of the speeds at that bandwidth [rad/s², m/s²]; encoders of 10 µrad."""
 LEVEL = 5.0

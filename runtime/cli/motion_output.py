@@ -36,8 +36,7 @@ FROM = (
     "number per joint with commas (rad or m), or a log, whose last row counts."
 )
 EXPORT_MARGIN = 0.95  # default share of the limits that an exported motion uses
-SAMPLED = ".motion.csv"
-"""End of the name of the sampled motion, apart from that of the log of the same name."""
+SAMPLED = ".motion.csv"  # end of the name of the sampled motion, apart from that of its log
 ROWS_HZ = 1000.0  # default rate of the sampled motion
 
 

@@ -75,8 +75,7 @@ from runtime.recording.free_base import read_free_base
 from runtime.recording.settings import COLUMNS
 from runtime.simulation import sample_times
 
-MOST_ROWS = 300_000
-"""Largest number of rows of a planned log; each takes 1 kB with the regressor of its blocks."""
+MOST_ROWS = 300_000  # most rows of a planned log; each takes 1 kB with the regressor of its blocks
 SAME = "same"  # value of --more: the same motion again
 
 

@@ -22,8 +22,7 @@ from typing import IO, Any
 
 from runtime.common.errors import RuntimeFault
 
-DRAFT = ".symgen."
-"""Start of the names of files that are not complete yet; a killed process leaves them behind."""
+DRAFT = ".symgen."  # start of the names of incomplete files; a killed process leaves them behind
 LARGEST_DOCUMENT = 2**26
 """Largest size of a document [bytes]; the largest that is written here has a few million."""
 LARGEST_JSON, LARGEST_TOML = 2**24, 2**22

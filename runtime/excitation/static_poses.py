@@ -31,8 +31,7 @@ from runtime.library import Array, Indices, Library
 
 SIDES = {"below": -1.0, "above": 1.0}
 """Side from which all joints reach a pose, and the sign of the start of that approach."""
-ROUNDING = 1e-10
-"""Pivot, over the largest, that counts as zero: 1e-16 of rounding times a condition of 1e6."""
+ROUNDING = 1e-10  # pivot over the largest that is zero: 1e-16 of rounding times a condition of 1e6
 APPROACH = 0.05  # longest approach of a joint [rad, m]: beyond the backlash of usual gears
 APPROACH_SHARE = 0.02  # longest approach as a share of the joint's range
 ATTEMPTS = 200_000  # number of random poses that are tried before the robot counts as blocked

@@ -9,8 +9,7 @@ import numpy as np
 
 from runtime.library import Array
 
-CONSISTENCY_TOLERANCE = 1e-12
-"""A link is consistent when P_k ⪰ −1e-12 tr(P_k), the rounding of an eigenvalue."""
+CONSISTENCY_TOLERANCE = 1e-12  # a link is consistent when P_k ⪰ −1e-12 tr(P_k), to rounding
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -115,8 +115,7 @@ Sorted: a processor that runs one runs those before it."""
 
 DOUBLE = 8  # bytes of a number
 PART = 4096  # samples per piece of a batch; sums go piece by piece, whatever the threads
-THREAD_OPERATIONS = 2e7
-"""Operations per thread, about a millisecond; below it a thread costs more than it saves."""
+THREAD_OPERATIONS = 2e7  # operations per thread, 1 ms; a thread of fewer costs more than it saves
 
 
 class Binding:

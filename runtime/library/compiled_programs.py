@@ -169,8 +169,7 @@ def _pointer(array: Array) -> object:
     return array.ctypes.data_as(_POINTER)
 
 
-NOT_POSITIVE, RAN_AWAY = 1, 2
-"""Reasons of an early stop: M + J is not positive definite; the motion diverged."""
+NOT_POSITIVE, RAN_AWAY = 1, 2  # early stops: M + J is not positive definite; the motion diverged
 
 
 class _LoopJob(ctypes.Structure):

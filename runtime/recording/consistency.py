@@ -18,8 +18,7 @@ from runtime.recording.recording import Recording
 STRIDE = 5
 ROWS = 4096  # rows whose steps are computed together
 STILL = 1e-12  # largest ∫dq dt that counts as rest [rad, m]
-USUAL_STEP = 0.5
-"""Median step above which the rows are not a motion, but drawn at random for example [rad]."""
+USUAL_STEP = 0.5  # median step above which rows are no motion, but drawn at random [rad]
 TIMES_USUAL, BESIDE_TURN = 20.0, (0.05, 0.5)
 """Largest distance of a jump from one turn, over the 99 % quantile of the steps of the joint, and
 its bounds [rad]: a gap of some rows moves it further, a corrupt row lies anywhere."""

@@ -84,8 +84,7 @@ def _download(name: str) -> Path:
 
 
 PICKLES = (".pt", ".pth", ".pkl", ".pickle")  # suffixes of files that only unpickling reads
-MOST_JOINTS = 64
-"""Length up to which an array with one axis holds one number per joint, not one per instant."""
+MOST_JOINTS = 64  # length up to which an array with one axis holds one number per joint
 
 
 def parts_of(recipe: Recipe) -> dict[str, Signal | Time]:

@@ -21,8 +21,7 @@ Marks = NDArray[np.uint64]
 COUNT = 512  # number of marks of a log
 SAME = 0.05  # share of equal rows above which logs depend; two logs of one motion have none
 _STEP = 1e-4  # step of rounding [rad, m, N·m, N]
-_ASIDE = 0.2371
-"""Shift of the rounding, as a share of a step: printed decimals do not lie between two steps."""
+_ASIDE = 0.2371  # shift of the rounding, in steps: printed decimals do not lie between two steps
 
 
 def row_marks(recording: Recording, with_torque: bool = True) -> Marks:

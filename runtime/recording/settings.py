@@ -77,8 +77,7 @@ class FrictionColumn:
     sentences: Callable[[Sequence[str], Array, Array], tuple[str, ...]] | None = None
 
 
-SPRING = "spring:"
-"""Prefix of the columns of springs: `spring:NAME`, one per spring of the robot's mechanism."""
+SPRING = "spring:"  # prefix of columns of springs: `spring:NAME`, one per spring of the mechanism
 
 JOINT_VISCOUS, JOINT_COULOMB = "joint_viscous:", "joint_coulomb:"
 """Prefixes of friction columns of joints that follow others: `joint_viscous:NAME`."""

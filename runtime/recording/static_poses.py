@@ -14,8 +14,7 @@ from runtime.library import Array
 from runtime.recording.preprocessing.segments import runs
 from runtime.recording.recording import Recording
 
-REST_SPEED = 0.02
-"""Speed below which a joint rests [rad/s or m/s]: two counts of a servo's encoder in 0.2 s."""
+REST_SPEED = 0.02  # speed below which a joint rests [rad/s or m/s]: two counts of a servo in 0.2 s
 WINDOW_S = 0.1  # time before and after a row over which its speed is computed [s]
 LEAST_S = 0.2  # shortest rest [s]
 APPROACH_S = 0.5  # time before a rest whose motion gives the side of the approach [s]

@@ -18,8 +18,7 @@ from symgen.kernel import Matrix
 from symgen.mechanics.kinematics import frames_in_base, independent_forces
 from symgen.mechanics.spatial import Pose
 
-_PARALLEL = 1e-12
-"""Sine² of the angle below which two segments count as parallel: rounding of their directions."""
+_PARALLEL = 1e-12  # sine² of the angle below which two segments are parallel: rounding
 _CROSSING = 1e-12  # m; axes closer than this have no direction from one to the other
 
 

@@ -93,8 +93,7 @@ def _digits(value: float) -> str:
 
 
 FLOOR = 1e-2  # ε: P ⪰ FLOOR · P_ref keeps at least this part of a reference body in every direction
-THIN = 1e-2
-"""Least eigenvalue of Σ_com over their sum of the reference body of an inconsistent link."""
+THIN = 1e-2  # least eigenvalue over the sum of Σ_com of the reference of an inconsistent link
 ROUND = 0.1  # the same of the body that defines the distance: rounder, so no direction is stiff
 KEPT = 1e-7  # relative change of torque up to which β is kept; the cone solver leaves about 1e-9
 SLACK = 0.25

@@ -87,8 +87,7 @@ LEVELS = {
 }
 """Machine → level → (lanes, -march). A vector wider than the instruction set is slow."""
 LINK = ("-shared", "-lm")
-REFERENCE = "casadi"
-"""Level of the code that CasADi generates, compiled without optimisation for comparison."""
+REFERENCE = "casadi"  # level of CasADi's code, compiled without optimisation for comparison
 
 
 @dataclass(frozen=True, slots=True)

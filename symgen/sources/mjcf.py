@@ -30,8 +30,7 @@ from symgen.errors import BuildError
 from symgen.sources.compiled_mjcf import Bodies, compile_mjcf, rotation_of
 from symgen.sources.springs import factors_of_tendon, springs_of_mjcf
 
-SPECK_KG = 1e-9
-"""Mass of the links between several joints of one body, kg: below the rounding of any torque."""
+SPECK_KG = 1e-9  # mass of links between joints of one body, kg: below the rounding of any torque
 
 
 def robot_from_mjcf(

@@ -20,8 +20,7 @@ from symgen.chain.mechanism import Mechanism, Spring
 from symgen.errors import BuildError
 from symgen.sources.compiled_mjcf import Bodies
 
-_SAME = 1e-12
-"""Largest difference of both ends of a tendon's length without force, m or rad: no slack."""
+_SAME = 1e-12  # largest difference of both ends of a tendon's length without force, m or rad
 
 
 def springs_of_mjcf(bodies: Bodies) -> tuple[Spring, ...]:

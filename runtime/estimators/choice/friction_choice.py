@@ -33,8 +33,7 @@ from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.recording import require_recording
 
 BLOCKS = 5
-LEAST_GAIN = 0.005
-"""Share of the mean square error that a candidate must save to count as better than another."""
+LEAST_GAIN = 0.005  # share of the mean square error that a candidate must save to count as better
 _RANK = 1e-9
 
 

@@ -41,8 +41,7 @@ next; with 10, three of 20 logs with an unknown body of 3 kg ended without conve
 ARMIJO = 1e-4  # share of the predicted decrease that a step must reach
 RIDGE, RIDGE_GROWTH, RIDGE_MOST = 1e-14, 10.0, 1e-2
 """First ridge on the scaled Hessian, its growth where Cholesky fails, and the largest one."""
-DECREMENT = 1e-3
-"""½ gᵀH⁻¹g at the end, in units of the smallest γ: the cost is then that close to its minimum."""
+DECREMENT = 1e-3  # ½ gᵀH⁻¹g at the end over the smallest γ: the cost is that close to its minimum
 MOST_STEPS = 200  # limit of Newton steps; from the centre of the prior 5 to 8 are usual
 MOST_HALVINGS = 60
 

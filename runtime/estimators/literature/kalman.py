@@ -59,8 +59,7 @@ LAM_FLOOR = lam_from_parts(log_mass=0.3, centre=0.02, rotation=0.3, axes=0.02)
 """Least |λ| for the relative standard deviation of the first guess."""
 TRUST = 0.05  # relative standard deviation of the first guess in λ
 SPEED_VARIANCE = 1e-4  # variance of the first velocity, (rad/s)²
-SMOOTH_HZ = 20.0
-"""Cut-off of ā and τ̇, Hz, at most a fifth of the rate: above motions of arms, below the noise."""
+SMOOTH_HZ = 20.0  # cut-off of ā and τ̇, Hz, at most a fifth of the rate: above motions, below noise
 DELAY, WANDER = 0.5, 0.5
 """Standard deviation of δ, in steps, and of its change in a second: behind a rotor J it is
 (M + J)⁻¹ M of half a step, and M depends on the posture."""

@@ -47,8 +47,7 @@ from runtime.excitation.motion.family import Basis
 from runtime.excitation.motion.trajectory import Trajectory
 from runtime.library import Array, Indices, Library
 
-INTERVALS = 4000
-"""Fewest intervals of the grid over half the duration; over all of it twice as many."""
+INTERVALS = 4000  # fewest intervals of the grid over half the duration, twice as many over all
 INTERVALS_PER_HARMONIC = 3000
 """Intervals per function; keeps the error δ²/8 (2πM/t_f)² of chords below 2e-7 of the amplitude."""
 DIVIDED = 20  # short intervals in a long one; divides both numbers above

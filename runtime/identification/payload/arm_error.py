@@ -66,8 +66,7 @@ COUNTED = 6.0
 noise below 10, 3, 1 and 0.3 Hz it is exceeded in 5; a load of 105 g on a PSM has 7.5 to 19 at 1 to
 2 Hz, and 18 to 99 above."""
 _BLOCK = 4096
-_RANK = 1e-10
-"""Eigenvalue relative to the largest below which an error of the arm has no effect on torques."""
+_RANK = 1e-10  # eigenvalue over the largest below which errors of the arm change no torques
 UNEXPECTED = 4.0
 """Squared residual along an error of the arm over its expectation, in the mean, from which the arm
 is not that of its posterior: .8 to 3.1 on 39 of 40 simulated arms of another day, 7 to 11 on a PSM

@@ -96,8 +96,7 @@ CHANGED = (
     "the residual is far from what the posterior of the arm expects: the arm has changed since it "
     "was identified, or is another one; identify it again, or record a run without the payload"
 )
-_MODEL_ERROR = 0.1
-"""Residual over the torque of the payload, above which the model of the arm dominates the error."""
+_MODEL_ERROR = 0.1  # residual over torque of the payload above which the arm dominates the error
 
 
 @one_blas_thread

@@ -108,8 +108,7 @@ def rough(recording: Recording, preparation: Preparation) -> Preparation:
 
 SURE = 0.7  # partial correlation of τ with the model's torque above which a slope is used
 LOADED = 0.05  # RMS of the model's torque over the largest one, above which a joint is used
-BEYOND = 10.0
-"""Largest torque over the limit of effort, median of the joints, from which on τ is not in N·m."""
+BEYOND = 10.0  # largest torque over the effort, median of joints, from which τ is not in N·m
 USUAL = (0.5, 2.0)  # slopes that the errors of a URDF explain
 
 

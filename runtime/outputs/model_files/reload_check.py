@@ -12,8 +12,7 @@ from runtime.library import Array
 from runtime.outputs.model_files.engines.answer import STATES, Reloaded, random_states
 from runtime.outputs.model_files.model import IdentifiedModel
 
-TOLERANCE = 1e-9
-"""Torque difference over the largest torque; 17 digits and two recursions leave about 1e-14."""
+TOLERANCE = 1e-9  # torque difference over the largest torque; 17 digits leave about 1e-14
 REMEDY = "run: python -m symgen build"  # a robot that was changed after its build is built again
 
 

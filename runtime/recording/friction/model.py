@@ -163,8 +163,7 @@ def renewed_rotor(recording: Recording) -> Recording:
     return recording.replace(columns=values)
 
 
-SHARE = 2.0**-16
-"""Size relative to the same column of another joint: the resolution of a signal of 16 bits."""
+SHARE = 2.0**-16  # size over that of the same column of another joint: the resolution of 16 bits
 
 LEAST = 1e-9
 """Size in SI units relative to the torque [N·m, N]: an effect below rounding in single precision

@@ -9,7 +9,7 @@ from runtime.cli.log_options import (
     FitChoices,
     bundled_logs,
     inputs_of,
-    named_logs,
+    opened_logs,
     runs_of,
     split_of,
 )
@@ -27,18 +27,17 @@ from runtime.identification.comparison.run import (
     read_truth,
 )
 from runtime.identification.comparison.two_results import compare_results
-from runtime.identification.identify import Source, assembly_of_logs
+from runtime.identification.identify import assembly_of_logs
 from runtime.identification.long_logs import require_streamable
 from runtime.identification.problem_setup import Assembly
 from runtime.identification.result_tables import method_table
 from runtime.identification.saved_result import read_result
 from runtime.identification.settings import AUTO, Settings
-from runtime.identification.several_logs import NamedLog
 from runtime.outputs.report.comparison import results_page
 from runtime.outputs.report.page import write_page
 from runtime.outputs.report.report import write_report
 from runtime.recording import Recording
-from runtime.recording.streamed import StreamedRecording, open_log
+from runtime.recording.streamed import StreamedRecording
 
 _WRITTEN = ResultFolder(("compare.json", "compare.md", "report.html"), "rows")
 
@@ -109,20 +108,12 @@ def compare_command(given: CompareSettings) -> None:
     known_methods = set(names or ()) <= set(methods_from_statistics())
     needs_whole = given.controller or given.friction == AUTO or not known_methods
     streams = False if given.stream is None and needs_whole else given.stream
-    log: Source | list[NamedLog]
-    if several:
-        log = named_logs(runs, lib, given.recipe, stream=given.stream)
-    else:
-        log = open_log(given.logs[0], given.recipe, given.run, lib.joint_names, streams)
+    others = ", ".join(name for name in METHODS if name not in methods_from_statistics())
+    log = opened_logs(given, lib, streams, need=f", which {others} need")
     names = names or (tuple(METHODS) if isinstance(log, Recording) else methods_from_statistics())
     if isinstance(log, StreamedRecording):
         for name in names:
             require_streamable(name)
-        others = ", ".join(name for name in METHODS if name not in methods_from_statistics())
-        say(
-            f"streaming {log.rows} rows of {log.name}; --settings stream=false reads them as a "
-            f"whole, which {others} need"
-        )
     wanted = Settings(
         friction=given.friction,
         coulomb_speed=given.coulomb_speed,

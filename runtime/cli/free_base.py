@@ -40,6 +40,8 @@ def print_walk(result: FreeBaseIdentification) -> Iterator[str]:
             f"sum of vertical forces: error {force.after_percent:.2f} % of {force.mean:.1f} "
             f"N, of the URDF {force.before_percent:.2f} %"
         )
+    if record.sessions is not None:
+        yield f"repeatability: {record.sessions.repeatability.sentence}"
     yield from _sentences(record)
 
 

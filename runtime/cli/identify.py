@@ -15,7 +15,7 @@ from typing import Any
 from runtime.cli.common import ResultFolder, counting, open_robot, state
 from runtime.cli.free_base import print_walk
 from runtime.cli.identify_settings import IdentifySettings
-from runtime.cli.log_options import named_logs, runs_of
+from runtime.cli.log_options import opened_logs, runs_of, walks_of
 from runtime.cli.shown_progress import shown_progress
 from runtime.common.tables import Table
 from runtime.common.terminal import VERBOSE, command_line, program, say, say_notes, show
@@ -31,19 +31,16 @@ from runtime.identification.free_base.result import (
     write_free_base,
 )
 from runtime.identification.identified import Identification
-from runtime.identification.identify import Source, identify, with_row_marks
+from runtime.identification.identify import identify, with_row_marks
 from runtime.identification.posterior_file import spring_lines
 from runtime.identification.result_file import write_result
 from runtime.identification.result_record import ResultRecord
 from runtime.identification.result_tables import error_table, share_table, tested_on
 from runtime.identification.settings import AUTO, Settings
 from runtime.identification.statistics_file import statistics_of, write_statistics
-from runtime.library import Library
 from runtime.outputs.model_files.export import write_urdf
 from runtime.outputs.report.report import left_out_table, write_report
-from runtime.recording.free_base import read_free_base
 from runtime.recording.recipes.recipe import COMMANDED
-from runtime.recording.streamed import StreamedRecording, is_large, open_log
 
 AnyResult = Identification | FreeBaseIdentification
 LEFT_OUT = "Leave one log out: torque error of each log"
@@ -54,11 +51,17 @@ UNFINISHED = frozenset(
 )
 
 
-def finish(result: Identification, folder: Path, given: IdentifySettings, inspect: str) -> None:
+def finish(result: AnyResult, folder: Path, given: IdentifySettings, inspect: str) -> None:
     """Write all files of a result, then print it: a pipe that closes costs no file."""
-    record = write_result(result, folder, command_line())
-    files = _written(result, folder, given)
-    for line in (*_summary(result, record, inspect, given.robot), *files):
+    if isinstance(result, FreeBaseIdentification):
+        record = write_free_base(result, folder, command_line())
+        files = [*_written(result, folder, given), f"result: {folder / 'result.json'}"]
+        lines = print_walk(result)
+    else:
+        record = write_result(result, folder, command_line())
+        files = _written(result, folder, given)
+        lines = _summary(result, record, inspect, given.robot)
+    for line in (*lines, *files):
         say(line)
     if VERBOSE.get():
         _print_details(result, record)
@@ -126,16 +129,17 @@ def _summary(
             yield f"advice: {known.first_advice()}"
 
 
-def _print_details(result: Identification, record: ResultRecord) -> None:
+def _print_details(result: AnyResult, record: ResultRecord) -> None:
+    if record.sessions is not None:
+        show(replace(left_out_table(record.sessions), title=LEFT_OUT))
+    if not isinstance(result, Identification):
+        return
     title = f"{record.robot}, {record.method}: torque error on {tested_on(record)} data"
     errors = (record.torque_error_percent, record.torque_rms)
-    logs = record.sessions
-    left_out = None if logs is None else replace(left_out_table(logs), title=LEFT_OUT)
     for table in (
         error_table(*record.rows_of_errors, *errors, title),
         share_table(record),
         drive_table(record),
-        left_out,
     ):
         if table is not None:
             show(table)
@@ -251,28 +255,26 @@ def identify_command(given: IdentifySettings) -> None:
     """
     lib = open_robot(given.robot, given.yes, takes_free_base=True)
     settings = given.fitted(lib)
-    if lib.manifest.floating:
-        _identify_walk(lib, given, settings)
-        return
+    walks = walks_of(given, lib, OF_WALK)
     place = ("--recipe", given.recipe) if given.recipe else ()
-    words = ("inspect", given.logs[0], "--robot", given.robot, *place)
-    inspect = f"{program()} {shlex.join(words)} --recipe-out proposed.toml"
-    runs = runs_of(given.logs, given.run)
-    several = f"{len(runs)}-" if len(runs) > 1 or given.payload_of else ""
+    inspect = shlex.join(("inspect", given.logs[0], "--robot", given.robot, *place))
+    inspect = f"{program()} {inspect} --recipe-out proposed.toml"
+    count = len(runs_of(given.logs, given.run))
+    words = [Path(given.logs[0]).stem, *[f"{count}"] * (count > 1 or bool(given.payload_of))]
     chosen = chosen_method(settings.method, settings.preset, settings.prior)
-    folder = given.out or Path("results") / f"{Path(given.logs[0]).stem}-{several}{chosen}"
+    words += [settings.rows or usual_rows(walks)] if walks else []
+    words += [chosen] if not walks or chosen != DEFAULT else []
+    folder = given.out or Path("results") / "-".join(words)
     _WRITTEN.require(folder, given, given.overwrite)
     with counting(state()) as bar, _naming(inspect):
         preset = PRESETS.get(str(given.preset or "full")) if METHODS[chosen].takes_preset else None
         total = preset.rule.max_iterations if preset else None
         shown = shown_progress(bar, chosen, lib.name, total)
-        opened = (
-            named_logs(runs, lib, given.recipe, given.payload_of or (), given.stream)
-            if several
-            else _opened(given.logs[0], lib, given.recipe, given.run, given.stream, settings)
-        )
-        result = identify(opened, lib, settings, progress=shown)
-        result = with_row_marks(result, opened, settings.split)
+        stream = False if given.stream is None and needs_samples(settings) else given.stream
+        log = walks or opened_logs(given, lib, stream, given.payload_of or ())
+        result = identify(log, lib, settings, progress=shown)
+        if isinstance(result, Identification):
+            result = with_row_marks(result, log, settings.split)
     _WRITTEN.begin(folder, given)
     finish(result, folder, given, inspect)
 
@@ -283,32 +285,6 @@ OF_WALK = (
     *("save_statistics", "friction_prior"),
 )
 """Parameters of the command that apply to a robot with a free base."""
-
-
-def _identify_walk(lib: Library, given: IdentifySettings, settings: Settings) -> None:
-    """Identify a robot with a free base, write the result and print it."""
-    unused = given.stated_beyond(OF_WALK)
-    if unused:
-        raise IdentificationError(
-            f"{unused[0]} does not apply to a robot with a free base; leave it out"
-        )
-    if len(given.logs) != 1:
-        raise IdentificationError(
-            f"expected one log of a robot with a free base, got {len(given.logs)}; identify each "
-            "alone"
-        )
-    log = read_free_base(Path(given.logs[0]))
-    method = chosen_method(settings.method, settings.preset, settings.prior)
-    words = (Path(given.logs[0]).stem, settings.rows or usual_rows(log))
-    folder = given.out or Path("results") / "-".join((*words, *[method] * (method != DEFAULT)))
-    _WRITTEN.require(folder, given, given.overwrite)
-    with counting(state()) as bar:
-        result = identify(log, lib, settings, progress=shown_progress(bar, method, lib.name))
-    _WRITTEN.begin(folder, given)
-    write_free_base(result, folder, command_line())
-    files = _written(result, folder, given)
-    for line in (*print_walk(result), *files, f"result: {folder / 'result.json'}"):
-        say(line)
 
 
 @contextmanager
@@ -323,26 +299,6 @@ def _naming(inspect: str) -> Iterator[None]:
         if "in a recipe" in text and " inspect " not in text:
             text = f"{text}; one is proposed by: {inspect}"
         raise type(error)(text) from None
-
-
-def _opened(
-    log: str,
-    lib: Library,
-    recipe: str | None,
-    run: str | None,
-    stream: bool | None,
-    settings: Settings,
-) -> Source:
-    """The log, left in its file where it is large and nothing needs all samples at once."""
-    if stream is None and (needs_samples(settings) or not is_large(log)):
-        stream = False
-    opened = open_log(log, recipe, run, lib.joint_names, stream)
-    if isinstance(opened, StreamedRecording):
-        say(
-            f"streaming {opened.rows} rows of {opened.name}; --settings stream=false reads the "
-            f"log as a whole"
-        )
-    return opened
 
 
 def needs_samples(settings: Settings) -> bool:

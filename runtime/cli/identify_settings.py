@@ -5,14 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from runtime.cli.common import numbers_option
-from runtime.cli.log_options import FitChoices, bundled_logs, inputs_of, prior_of, split_of
-from runtime.common.settings import (
-    argument_field,
-    data_field,
-    method_field,
-    model_field,
-    output_field,
-)
+from runtime.cli.log_options import FitChoices, inputs_of, prior_of, split_of
+from runtime.common.settings import data_field, method_field, model_field, output_field
 from runtime.common.terminal import completing
 from runtime.errors import IdentificationError
 from runtime.estimators.descent.fit import PRESETS
@@ -31,12 +25,6 @@ class IdentifySettings(FitChoices):
     """Settings of `symgen identify`."""
 
     options = "robot recipe run method friction cutoff delay prior split out overwrite"
-    logs: list[str] = argument_field(
-        metavar="LOG...",
-        autocompletion=bundled_logs,
-        help="One or several logs: CSV, NPZ, Parquet, HDF5, MCAP or ROS bags, folders with a "
-        "recipe, or names of known data sets such as panda_gaz.",
-    )
     method: str | None = method_field(
         metavar="NAME",
         autocompletion=completing(METHODS),

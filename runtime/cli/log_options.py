@@ -1,6 +1,6 @@
 """Records of choices on logs that several commands share, and the files that they name."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -25,18 +25,20 @@ from runtime.common.settings import (
     model_field,
     model_option,
 )
-from runtime.common.terminal import completing
+from runtime.common.terminal import completing, say
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import METHODS
 from runtime.estimators.prior_file import PriorFile, read_prior
-from runtime.identification.identify import SEVERAL_STREAMED
+from runtime.identification.identify import SEVERAL_STREAMED, Source
 from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.identification.settings import AUTO
 from runtime.identification.several_logs import NamedLog, read_carried
 from runtime.library import Array, Library
 from runtime.recording import EVERYTHING, REGRESSORS, Friction, Split, read_recording
+from runtime.recording.free_base import FreeBaseRecording, read_free_base
 from runtime.recording.log_files import known_names
 from runtime.recording.settings import COLUMNS
+from runtime.recording.streamed import StreamedRecording, open_log
 
 
 def bundled_logs(incomplete: str) -> list[str]:
@@ -151,6 +153,12 @@ class FitChoices(LogChoices):
         "the recipe, else acceleration.",
     )
     split: Parts = None
+    logs: list[str] = argument_field(
+        metavar="LOG...",
+        autocompletion=bundled_logs,
+        help="One or several logs: CSV, NPZ, Parquet, HDF5, MCAP or ROS bags, folders with a "
+        "recipe, or names of known data sets such as panda_gaz.",
+    )
     controller: Path | None = model_field(
         metavar="FILE",
         help="TOML with the controller's gains and the reference motion, which the methods iv "
@@ -245,26 +253,46 @@ def runs_of(logs: Sequence[str], run: str | None) -> list[tuple[str, str | None]
     return [(log, run) for log in logs]
 
 
-def named_logs(
-    runs: Sequence[tuple[str, str | None]],
+def opened_logs(
+    given: FitChoices,
     lib: Library,
-    recipe: str | None,
+    stream: bool | None,
     payload_of: Sequence[str] = (),
-    stream: bool | None = None,
-) -> list[NamedLog]:
-    """Several logs with their names and known payloads."""
-    if stream:
-        raise IdentificationError(SEVERAL_STREAMED)
-    carried = _carried(payload_of, [log for log, _ in runs], lib)
-    same = len({log for log, _ in runs}) == 1
-    return [
-        NamedLog(
-            f"run {run}" if same and run else Path(log).stem,
-            read_recording(log, recipe, run, lib.joint_names),
-            carried=carried.get(log),
+    need: str = "",
+) -> Source | list[NamedLog]:
+    """One log, left in its file where that is large, or several with names and known payloads."""
+    runs = runs_of(given.logs, given.run)
+    if len(runs) > 1 or payload_of:
+        if given.stream:
+            raise IdentificationError(SEVERAL_STREAMED)
+        carried = _carried(payload_of, [log for log, _ in runs], lib)
+        same = len({log for log, _ in runs}) == 1
+        return [
+            NamedLog(
+                f"run {run}" if same and run else Path(log).stem,
+                read_recording(log, given.recipe, run, lib.joint_names),
+                carried=carried.get(log),
+            )
+            for log, run in runs
+        ]
+    log = open_log(given.logs[0], given.recipe, given.run, lib.joint_names, stream)
+    if isinstance(log, StreamedRecording):
+        say(
+            f"streaming {log.rows} rows of {log.name}; --settings stream=false reads the log as a "
+            f"whole{need}"
         )
-        for log, run in runs
-    ]
+    return log
+
+
+def walks_of(given: FitChoices, lib: Library, taken: Collection[str]) -> list[FreeBaseRecording]:
+    """Logs of a robot with a free base, for which some choices are taken; none of other robots."""
+    if not lib.manifest.floating:
+        return []
+    if unused := given.stated_beyond(taken):
+        raise IdentificationError(
+            f"{unused[0]} does not apply to a robot with a free base; leave it out"
+        )
+    return [read_free_base(Path(log)) for log in given.logs]
 
 
 def _carried(payload_of: Sequence[str], logs: Sequence[str], lib: Library) -> dict[str, Array]:

@@ -10,7 +10,7 @@ N(0, σ₀²), have the precision Σ 1/σ_k² − (K − 1)/σ₀².
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Unpack, overload
+from typing import Any, TypeVar, Unpack, overload
 
 import numpy as np
 
@@ -62,14 +62,15 @@ SEVERAL_STREAMED = (
 )
 Source = Recording | StreamedRecording | NamedLog
 """A log: in memory, in its file, or with its name and known payload."""
-
+AnyLog = Source | Sequence[Source] | FreeBaseRecording | Sequence[FreeBaseRecording]
+"""One log or several."""
 
 ShownProgress = Callable[[int, float], None] | Progress | None
 
 
 @overload
 def identify(
-    log: FreeBaseRecording,
+    log: FreeBaseRecording | Sequence[FreeBaseRecording],
     lib: Library,
     settings: Settings | str | None = None,
     *,
@@ -91,7 +92,7 @@ def identify(
 
 @one_blas_thread
 def identify(
-    log: Source | Sequence[Source] | FreeBaseRecording,
+    log: AnyLog,
     lib: Library,
     settings: Settings | str | None = None,
     *,
@@ -128,8 +129,8 @@ def identify(
     """
     require_library(lib)
     chosen = settings_from(settings, keywords)
-    if isinstance(log, FreeBaseRecording):
-        return identify_free_base(log, lib, settings_for(lib, chosen))
+    if walks := _walks(log):
+        return identify_free_base(walks, lib, settings_for(lib, chosen))
     _require_logs(log, lib, chosen)
     pairs = tuple(chosen.symmetric)
     prior = with_mirrored_links(chosen.prior, lib, pairs, chosen.tie)
@@ -181,7 +182,7 @@ def identify(
     return replace(result, notes=(*notes, *result.notes))
 
 
-def _require_logs(log: Source | Sequence[Source], lib: Library, settings: Settings) -> None:
+def _require_logs(log: Any, lib: Library, settings: Settings) -> None:
     if not isinstance(log, Recording | StreamedRecording | NamedLog | Sequence) or not all(
         isinstance(each, Recording | StreamedRecording | NamedLog)
         for each in (log if isinstance(log, Sequence) else ())
@@ -201,11 +202,9 @@ def _require_logs(log: Source | Sequence[Source], lib: Library, settings: Settin
         )
 
 
-def with_row_marks(
-    result: Identification, log: Source | Sequence[Source], split: Split | None
-) -> Identification:
+def with_row_marks(result: Identification, log: AnyLog, split: Split | None) -> Identification:
     """The result with marks of the fitted rows, for other commands; none of a log in its file."""
-    every = [log] if isinstance(log, (Recording, StreamedRecording, NamedLog)) else log
+    every = log if isinstance(log, Sequence) else [log]
     logs = [each.recording if isinstance(each, NamedLog) else each for each in every]
     marks = [
         row_marks(
@@ -284,7 +283,7 @@ def _prepared_logs(
     return data
 
 
-def _named(log: Source | Sequence[Source]) -> list[NamedLog]:
+def _named(log: Any) -> list[NamedLog]:
     """The logs with names that differ."""
     if isinstance(log, (Recording, StreamedRecording)):
         return [NamedLog(log.name, log)]  # type: ignore[arg-type]
@@ -292,16 +291,35 @@ def _named(log: Source | Sequence[Source]) -> list[NamedLog]:
     for one in [log] if isinstance(log, NamedLog) else log:
         if isinstance(one, StreamedRecording):
             raise IdentificationError(SEVERAL_STREAMED)
-        each = one if isinstance(one, NamedLog) else NamedLog(one.name, one)
-        name = each.name
-        while name in {other.name for other in named}:
-            name += "'"
-        named.append(replace(each, name=name))
+        named.append(one if isinstance(one, NamedLog) else NamedLog(one.name, one))
+    named = _distinct(named)
     if len(named) < 2:
         raise IdentificationError(
             "the setting payload_of needs several logs, got one; give also the logs without "
             "this payload"
         )
+    return named
+
+
+def _walks(log: Any) -> list[FreeBaseRecording]:
+    """The logs of a robot with a free base, with names that differ; empty for other logs."""
+    each = [log] if isinstance(log, FreeBaseRecording) else log
+    if not isinstance(each, Sequence) or not all(isinstance(x, FreeBaseRecording) for x in each):
+        return []
+    return _distinct(each)
+
+
+Named = TypeVar("Named", NamedLog, FreeBaseRecording)
+
+
+def _distinct(logs: Sequence[Named]) -> list[Named]:
+    """The logs with names that differ."""
+    named: list[Named] = []
+    for log in logs:
+        name = log.name
+        while name in {other.name for other in named}:
+            name += "'"
+        named.append(replace(log, name=name))
     return named
 
 

@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -44,6 +45,7 @@ from runtime.recording.friction.columns import OFFSET as OFFSET_COLUMN
 from runtime.recording.friction.coupled_motors import geared
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.parts import prepared_parts
+from runtime.recording.preprocessing.segments import on_one_clock
 from runtime.recording.recording import SIGNALS
 from runtime.recording.row_marks import same_rows
 
@@ -51,7 +53,7 @@ OFFSET = OFFSET_COLUMN.name
 AGREEING = 2.0
 """Ratio of spread to expected spread below which logs agree; with three logs the ratio itself
 scatters by a third."""
-PAUSE = 10.0  # time between two logs on the common clock [s]: longer than any interpolated gap
+Fitted = TypeVar("Fitted")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,31 +68,28 @@ class NamedLog:
 
 
 def agreement_of(
-    logs: Sequence[NamedLog],
-    prepared: Sequence[Recording],
-    offsets: Array | None,
-    samples: tuple[int, ...],
-    fit: Callable[[Recording, bool], Identification],
     lib: Library,
+    logs: Sequence[tuple[str, Recording]],
+    fit_of: Callable[[Sequence[int]], Fitted],
+    about: Callable[[Fitted], tuple[Array, Array | None]],
+    predicted: Callable[[Fitted | None, int], Array],
+    measured: Sequence[Array],
+    **facts: Any,
 ) -> tuple[SessionsPart, tuple[str, ...]]:
-    """Comparison of logs, whose rows are all prepared, by fits of joined rows; and notes on it."""
-    names = tuple(log.name for log in logs)
-    bare = [joined([log], [name], [name]) for log, name in zip(prepared, names, strict=True)]
-    singles = [fit(each, True) for each in bare]
+    """Comparison of logs as read by fits to some of them, with further facts; and notes on it.
+
+    A fit is to logs of some numbers, `about` it are π and a root of its covariance, `predicted` the
+    torques of a log of a number by a fit, or by the URDF.
+    """
+    names = tuple(name for name, _ in logs)
+    singles = [fit_of([k]) for k in range(len(logs))]
 
     def left_out(k: int) -> LeftOutPart:
         """Errors of the result of all other logs on all rows of one log."""
-        others = [*names[:k], *names[k + 1 :]]
-        result = fit(joined([*prepared[:k], *prepared[k + 1 :]], others, others), False)
-        samples, phi = samples_of(bare[k], lib), result.phi
-        if OFFSET in prepared[k].column_names:
-            phi = replace(result, log_names=tuple(others)).usual_phi
-        tau, alone = samples.tau, singles[k]
-        before = tau + residuals(lib, samples, lib.pi0, np.zeros(0))
-        after = tau + residuals(lib, samples, result.pi, phi)
+        tau, others = measured[k], fit_of([j for j in range(len(logs)) if j != k])
+        before, after, alone = (predicted(each, k) for each in (None, others, singles[k]))
         shifted = after - np.mean(after - tau, axis=0)  # its offset is its mean residual
-        single = tau + residuals(lib, samples, alone.pi, alone.phi)
-        errors = [torque_error(tau, each) for each in (before, after, shifted, single)]
+        errors = [torque_error(tau, each) for each in (before, after, shifted, alone)]
         return LeftOutPart(
             name=names[k],
             before_overall=errors[0].overall,
@@ -100,11 +99,11 @@ def agreement_of(
             rms=plain(errors[1].rms),
         )
 
-    masses = np.array([mass(links(single.pi)) for single in singles])
-    # The sensors are the same in all logs.
-    roots = [each.uncertainty.readings_root for each in singles if each.uncertainty is not None]
-    sigma = [np.linalg.norm(lib.base_matrix @ root, axis=1) for root in roots]
-    spread = np.std([single.beta for single in singles], axis=0, ddof=1)
+    estimates = [about(single) for single in singles]
+    masses = np.array([mass(links(pi)) for pi, _ in estimates])
+    roots = [lib.base_matrix @ root for _, root in estimates if root is not None]
+    sigma = [np.linalg.norm(root, axis=1) for root in roots]
+    spread = np.std([lib.base_matrix @ pi for pi, _ in estimates], axis=0, ddof=1)
     expected = np.sqrt(np.mean(np.square(sigma), axis=0))
     known = expected > 0
     ratio = float(np.sqrt(np.mean((spread[known] / expected[known]) ** 2)))
@@ -115,17 +114,12 @@ def agreement_of(
         else "the logs differ by more than noise: temperature, cables, a payload or a clock "
         "changed between them"
     )
-    pairs = same_rows([(log.name, log.recording) for log in logs])
+    pairs = same_rows(logs)
     shared = ", ".join(
         f"{a} and {b} share {100 * share:.0f} % of their rows" for a, b, share in pairs
     )
     part = SessionsPart(
         names=names,
-        payload_kg=tuple(
-            0.0 if log.carried is None else float(mass(links(log.carried)).sum()) for log in logs
-        ),
-        train_samples=samples,
-        offsets=plain(offsets),
         delay_s=None,
         leave_one_out=tuple(map(left_out, range(len(logs)))),
         repeatability=RepeatabilityPart(
@@ -139,6 +133,7 @@ def agreement_of(
             else f"the base parameters of single logs spread {ratio:.2g} times as much as their "
             f"covariances predict, link masses up to {mass_spread.max():.2g} kg; {verdict}",
         ),
+        **facts,
     )
     return part, (f"{shared}; give each log once",) if shared else ()
 
@@ -153,10 +148,8 @@ def joined(parts: Sequence[Recording], names: Sequence[str], all_names: Sequence
         )
     shared = [k for k, name in enumerate(first.column_names) if name != OFFSET]
     has_offsets = len(shared) < len(first.column_names)
-    columns, t, start = [], [], 0.0
+    columns = []
     for part, name in zip(parts, names, strict=True):
-        t.append(part.t - part.t[0] + start)
-        start = float(t[-1][-1]) + PAUSE
         if part.columns is not None:
             offsets = np.zeros((*part.q.shape, len(all_names) if has_offsets else 0))
             if has_offsets:
@@ -176,7 +169,7 @@ def joined(parts: Sequence[Recording], names: Sequence[str], all_names: Sequence
         for sentence in part.history
     )
     return first.replace(
-        t=np.concatenate(t),
+        t=on_one_clock([part.t for part in parts]),
         **signals,
         columns=np.concatenate(columns) if columns else None,
         column_names=tuple(titles) if columns else (),
@@ -266,12 +259,35 @@ def assemble_logs(
         if not settings.certify:
             return result
 
-        def fit(log: Recording, certify: bool) -> Identification:
-            return fitted(assembly_of((log, log, log)), certify)
-
         whole = [_prepared(*_bare(log, lib), log=log, lib=lib, terms=terms) for log in logs]
-        rows = tuple(len(each[0]) for each in cut)
-        agreement, notes = agreement_of(logs, whole, offsets, rows, fit, lib)
+        bare = [joined([log], [name], [name]) for log, name in zip(whole, names, strict=True)]
+        samples = [samples_of(log, lib) for log in bare]
+
+        def fit_of(numbers: Sequence[int]) -> Identification:
+            some = tuple(names[k] for k in numbers)
+            log = joined([whole[k] for k in numbers], some, some)
+            fit = fitted(assembly_of((log, log, log)), len(numbers) == 1)
+            return replace(fit, log_names=some if offsets is not None else ())
+
+        def predicted(fit: Identification | None, k: int) -> Array:
+            pi, phi = (lib.pi0, np.zeros(0)) if fit is None else (fit.pi, fit.usual_phi)
+            return samples[k].tau + residuals(lib, samples[k], pi, phi)
+
+        agreement, notes = agreement_of(
+            lib,
+            [(log.name, log.recording) for log in logs],
+            fit_of,
+            # The sensors are the same in all logs.
+            lambda fit: (fit.pi, fit.uncertainty.readings_root if fit.uncertainty else None),
+            predicted,
+            [each.tau for each in samples],
+            payload_kg=tuple(
+                0.0 if log.carried is None else float(mass(links(log.carried)).sum())
+                for log in logs
+            ),
+            train_samples=tuple(len(each[0]) for each in cut),
+            offsets=plain(offsets),
+        )
         return replace(result, agreement=agreement, notes=(*notes, *result.notes))
 
     train, validation, test = (joined([each[k] for each in cut], names, names) for k in range(3))

@@ -40,7 +40,12 @@ class BaseMotion(NamedTuple):
 
 def coordinates_of_pose(pose: ArrayLike) -> Array:
     """Positions and rotation vectors (6,) [m, rad] of poses (4, 4) or (7,)."""
-    array = np.asarray(pose, dtype=float)
+    turn, position = rotation_and_position(np.asarray(pose, dtype=float))
+    return np.concatenate([position, Rotation.from_matrix(turn).as_rotvec()], axis=-1)
+
+
+def rotation_and_position(array: Array) -> tuple[Array, Array]:
+    """R (..., 3, 3) and positions (..., 3) of poses (..., 4, 4) or (..., 7)."""
     is_matrix = array.ndim in {2, 3} and array.shape[-2:] == (4, 4)
     if not is_matrix and not (array.ndim in {1, 2} and array.shape[-1] == 7):
         raise ShapeError(
@@ -52,23 +57,20 @@ def coordinates_of_pose(pose: ArrayLike) -> Array:
     if is_matrix:
         rotation, position = array[..., :3, :3], array[..., :3, 3]
         error = np.abs(rotation @ np.swapaxes(rotation, -1, -2) - np.eye(3))
-        sizes = np.linalg.det(rotation)
-        if error.size and (error.max() > ROTATION or sizes.min() < 0):
+        if error.size and (error.max() > ROTATION or np.linalg.det(rotation).min() < 0):
             raise ShapeError(
                 f"the pose of the base is not a rigid transform (R Rᵀ differs from 1 by up "
                 f"to {error.max():.1g}); give R from the axes of the base to those of the world"
             )
-        turned = Rotation.from_matrix(rotation)
-    else:
-        position, quaternion = array[..., :3], array[..., 3:]
-        length = np.linalg.norm(quaternion, axis=-1)
-        if length.size and np.abs(length - 1).max() > ROTATION:
-            raise ShapeError(
-                "the quaternion of the base has another length than 1 "
-                f"({length.flat[np.abs(length - 1).argmax()]:.3g}); expected x, y, z, w"
-            )
-        turned = Rotation.from_quat(quaternion)
-    return np.concatenate([position, turned.as_rotvec()], axis=-1)
+        return rotation, position
+    position, quaternion = array[..., :3], array[..., 3:]
+    length = np.linalg.norm(quaternion, axis=-1)
+    if length.size and np.abs(length - 1).max() > ROTATION:
+        raise ShapeError(
+            "the quaternion of the base has another length than 1 "
+            f"({length.flat[np.abs(length - 1).argmax()]:.3g}); expected x, y, z, w"
+        )
+    return np.asarray(Rotation.from_quat(quaternion).as_matrix()), position
 
 
 def stacked(values: ArrayLike, part: ArrayLike, what: str) -> Array:

@@ -33,9 +33,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from runtime.common.files import bytes_of
-from runtime.errors import RecordingError
+from runtime.errors import RecordingError, ShapeError
 from runtime.library import Array, Mask
-from runtime.library.free_base import ROTATION
+from runtime.library.free_base import rotation_and_position
 from runtime.recording.formats.log_format import Digests
 from runtime.recording.formats.npz import open_npz
 from runtime.recording.recording import Recording
@@ -441,27 +441,8 @@ def _rotation(file: _File, count: int) -> Array:
 
 
 def _from_pose(file: _File, count: int) -> tuple[Array, Array]:
-    name = file.name
     pose = file.numbers("base_pose", count, *np.shape(file.arrays["base_pose"])[1:])
-    if pose.shape[1:] == (4, 4):
-        turn, position = pose[:, :3, :3], pose[:, :3, 3]
-        error = np.abs(turn @ np.swapaxes(turn, 1, 2) - np.eye(3)).max()
-        error = max(error, np.abs(np.linalg.det(turn) - 1.0).max())
-    elif pose.shape[1:] == (7,):
-        error = np.abs(np.linalg.norm(pose[:, 3:], axis=1) - 1).max()
-        if error > ROTATION:
-            raise RecordingError(
-                f"{name}: the quaternions of base_pose differ from length 1 by up to "
-                f"{error:.2g}; expected x y z and the quaternion x y z w"
-            )
-        turn, position = Rotation.from_quat(pose[:, 3:]).as_matrix(), pose[:, :3]
-    else:
-        raise RecordingError(
-            f"{name}: base_pose needs the shape ({count}, 7) or ({count}, 4, 4), got {pose.shape}"
-        )
-    if error > ROTATION:
-        raise RecordingError(
-            f"{name}: base_pose is not a rigid transform (off by {error:.2g}); give R "
-            "from the axes of the base to those of the world"
-        )
-    return np.asarray(turn), position
+    try:
+        return rotation_and_position(pose)
+    except ShapeError as error:
+        raise RecordingError(f"{file.name}, base_pose: {error}") from None

@@ -153,7 +153,7 @@ def walking(data: Path, folder: Path) -> Sheet:
 
     def identified(read: FreeBaseRecording, cutoff: float = DRIVER_HZ) -> FreeBaseIdentification:
         settings = Settings(rows="base", cutoff=cutoff, split=HALF)
-        return identify_free_base(read, lib, settings, trim_s=TRIM_S)
+        return identify_free_base([read], lib, settings, trim_s=TRIM_S)
 
     result = identified(recording)
     without = []

@@ -19,7 +19,7 @@ from runtime.estimators.methods import Method
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.factor import Statistics, compress_all
 from runtime.estimators.regression.posterior import posterior_of
-from runtime.estimators.regression.samples import Samples
+from runtime.estimators.regression.samples import Samples, names_of_equations
 from runtime.library import Array, Library, Mask
 from runtime.library.parameters import links, mass
 from runtime.recording.settings import COLUMNS, FrictionColumn
@@ -234,8 +234,7 @@ def weights_of(variance: Array, lib: Library) -> tuple[Array, str]:
     """Weights 1 / var per joint: variance (n,) → (n,)."""
     least = max(SILENT * float(variance.max()), np.finfo(float).tiny ** 0.5)
     silent = variance < least
-    joints, count = lib.joint_names, len(variance)
-    rows = joints if count == len(joints) else tuple(f"equation {k + 1}" for k in range(count))
+    rows = names_of_equations(lib.joint_names, len(variance))
     return 1.0 / np.maximum(variance, least), ", ".join(np.array(rows)[silent])
 
 

@@ -162,6 +162,11 @@ def samples_of(recording: Recording, lib: Library) -> Samples:
     return Samples(q, dq, data.get("ddq"), tau, columns, coupling=coupling, base=rows)
 
 
+def names_of_equations(names: tuple[str, ...], count: int) -> tuple[str, ...]:
+    """Names of rows where as many equations are these rows, else numbers."""
+    return names if count == len(names) else tuple(f"equation {k + 1}" for k in range(count))
+
+
 def residuals(lib: Library, samples: Samples, pi: Array, phi: Array) -> Array:
     """Residuals r = Y π + F φ − τ, (N, m) [N·m, N; W for rows of power]."""
     rest = samples.rigid(lib, pi) - samples.tau

@@ -33,7 +33,7 @@ from runtime.errors import IdentificationError
 from runtime.estimators.convex.constraints import ConstraintRow, Constraints
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import FrictionPrior
-from runtime.estimators.regression.samples import NORMAL_95, samples_of
+from runtime.estimators.regression.samples import NORMAL_95, residuals, samples_of
 from runtime.identification.drive.result import places_of
 from runtime.identification.identified import Identification
 from runtime.identification.posterior_file import friction_root
@@ -91,21 +91,16 @@ def with_sides(result: Identification, pairs: tuple[str, ...]) -> Identification
     """The result with its sides compared, and a note per pair that disagrees."""
     root, phi = friction_root(result), result.usual_phi
     samples = samples_of(result.test, result.lib)
-    rigid = samples.tau - samples.rigid(result.lib, result.pi)
+    rest = -residuals(result.lib, samples, result.pi, result.phi)
 
-    def error(change: Array, pair: tuple[int, int]) -> float:
-        whole = result.phi.copy()  # with the offsets of several logs behind the shared columns
-        whole[:, : change.shape[1]] += change
-        return float(np.linalg.norm((rigid - samples.friction(whole))[:, list(pair)]))
+    def friction(change: Array) -> Array:
+        whole = np.zeros_like(result.phi)  # offsets of several logs are behind the shared columns
+        whole[:, : change.shape[1]] = change
+        return samples.friction(whole)
 
-    compared, notes = sides_of(
-        result.lib.joint_names, pairs, result.friction.columns, phi, root, error
-    )
+    columns = result.friction.columns
+    compared, notes = sides_of(result.lib.joint_names, pairs, columns, phi, root, rest, friction)
     return replace(result, symmetric=compared, notes=(*notes, *result.notes))
-
-
-ErrorOfPair = Callable[[Array, tuple[int, int]], float]
-"""Error of the test torque of two joints with a change of φ, (n, k)."""
 
 
 def sides_of(
@@ -114,9 +109,13 @@ def sides_of(
     columns: tuple[str, ...],
     phi: Array,
     root: Array | None,
-    error: ErrorOfPair,
+    rest: Array,
+    friction: Callable[[Array], Array],
 ) -> tuple[tuple[MirroredPair, ...], tuple[str, ...]]:
-    """Comparison of mirrored joints, and notes: φ (n, k) and a root of its covariance (n k, ·)."""
+    """Comparison of mirrored joints, and notes: φ (n, k) and a root of its covariance (n k, ·).
+
+    rest (N, ·) is the residual of the test rows, joints last, and `friction` what φ adds to them.
+    """
     places = mirrored_joints(joints, pairs)
     if root is None:
         raise IdentificationError(
@@ -146,7 +145,11 @@ def sides_of(
         if not agrees:
             change = np.zeros_like(phi)
             change[np.ix_(pair, taken)] = phi[np.ix_(pair[::-1], taken)] - values
-            rise = error(change, pair) / max(error(0 * change, pair), 1e-300)
+            both = [rest.shape[1] - len(joints) + j for j in pair]
+            moved, size = (
+                float(np.linalg.norm(x[:, both])) for x in (rest - friction(change), rest)
+            )
+            rise = moved / max(size, 1e-300)
         left, right = (joints[j] for j in pair)
         sizes = [
             " and ".join(f"{v:.3g} ± {NORMAL_95 * s:.2g}" for v, s in zip(*each, strict=True))

@@ -45,11 +45,10 @@ from runtime.identification.free_base.rows import (
     rows_of,
 )
 from runtime.identification.result_record import VerticalForcePart
-from runtime.library import Array, Integers, Library
+from runtime.library import Array, Library
 from runtime.library.free_base import FREEDOM
-from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.friction.columns import LOAD
-from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion, motion_of
+from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion
 from runtime.recording.settings import Friction
 
 FREEDOMS = 4.0
@@ -176,14 +175,16 @@ FIRST = 0.05
 """σ at the start: share of the torque of a joint, of the weight, and of the weight times 0.1 m."""
 
 
+TrainAt = Callable[[float, Friction], FreeBaseMotion]
+"""Motion of the instants that train, at a delay of the torques [s] with friction columns."""
+
+
 def drives_of(
-    recording: FreeBaseRecording,
     lib: Library,
     choice: str,
     terms: Friction,
     delay_s: float | None,
-    cutoff_hz: float | None,
-    trained: Callable[[FreeBaseMotion], Integers],
+    train_at: TrainAt,
     prior: PriorFile | None,
 ) -> Drives:
     """Delay, unless it is stated, and noise of the rows that train."""
@@ -191,25 +192,25 @@ def drives_of(
     few: FreeBaseMotion | None = None
     for _ in range(PASSES):
         if few is None:
-            motion = motion_of(recording, lib.joint_names, cutoff_hz, drives.delay_s, terms)
-            train = trained(motion)
-            few = motion.rows(train[:: max(1, len(train) // ENOUGH)])
+            motion = train_at(drives.delay_s, terms)
+            few = _thinned(motion, ENOUGH)
         before = drives.covariance
-        if before is None and not np.any(few.tau):
-            raise IdentificationError(
-                f"{recording.name}: every torque of the joints is zero, expected those that move "
-                "the robot; give them, or leave out friction and delay"
-            )
         if before is None:
+            for name, some in motion.each():
+                if not np.any(np.asarray(motion.tau)[some]):
+                    raise IdentificationError(
+                        f"{name}: every torque of the joints is zero, expected those that move the "
+                        "robot; give them, or leave out friction and delay"
+                    )
             before = _first_noise(lib, few)
             drives = replace(drives, covariance=before)
             samples = rows_of(lib, few, choice, drives).samples
-            if is_opposite(samples.rigid(lib, lib.pi0), samples.tau):
-                raise IdentificationError(
-                    f"{recording.name}: the {'commanded ' * recording.is_commanded}torques are "
-                    "opposite to those that move the URDF, expected those that the drives apply to "
-                    "the joints; change their sign"
-                )
+            for name, some in few.each():
+                if is_opposite(samples.rigid(lib, lib.pi0)[some], samples.tau[some]):
+                    raise IdentificationError(
+                        f"{name}: the torques are opposite to those that move the URDF, expected "
+                        "those that the drives apply to the joints; change their sign"
+                    )
         rows = rows_of(lib, few, choice, drives)
         samples = rows.samples
         names = drives.names(lib.joint_names)
@@ -230,13 +231,12 @@ def drives_of(
     return drives
 
 
+def _thinned(motion: FreeBaseMotion, most: int) -> FreeBaseMotion:
+    return motion.rows(slice(None, None, max(1, len(motion) // most)))
+
+
 def friction_by_choice(
-    recording: FreeBaseRecording,
-    lib: Library,
-    choice: str,
-    first: Drives,
-    cutoff_hz: float | None,
-    trained: Callable[[FreeBaseMotion], Integers],
+    lib: Library, choice: str, first: Drives, train_at: TrainAt
 ) -> FrictionChoice:
     """Friction model by cross-validation of the rows that train, over the noise of first drives.
 
@@ -244,9 +244,7 @@ def friction_by_choice(
     """
 
     def blocks(terms: Friction) -> list[Samples]:
-        motion = motion_of(recording, lib.joint_names, cutoff_hz, first.delay_s, terms)
-        train = trained(motion)
-        motion = motion.rows(train[:: max(1, len(train) // ENOUGH_TO_CHOOSE)])
+        motion = _thinned(train_at(first.delay_s, terms), ENOUGH_TO_CHOOSE)
         drives = replace(first, terms=terms, is_delay_unknown=False)
         return in_blocks(rows_of(lib, motion, choice, drives).samples)
 

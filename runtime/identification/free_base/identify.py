@@ -4,6 +4,8 @@ The rows of `rows` are given to the method, by default map (entropic prior at th
 link included), so that what the log does not determine keeps the values of the URDF, and says so.
 """
 
+from collections import ChainMap
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,7 +42,7 @@ from runtime.identification.free_base.result import (
     total_mass,
     uncertainty_of,
 )
-from runtime.identification.free_base.rows import Drives, sensor_errors
+from runtime.identification.free_base.rows import Drives, FreeBaseRows
 from runtime.identification.problem_setup import known_friction
 from runtime.identification.result_file import provenance_of, record_about, stated_steps
 from runtime.identification.result_record import (
@@ -49,24 +51,29 @@ from runtime.identification.result_record import (
     FrictionPart,
     MirroredPair,
     RecordingPart,
+    SessionsPart,
     error_parts,
     plain,
 )
 from runtime.identification.settings import Settings, cutoff_of
-from runtime.library import Array, Library
+from runtime.identification.several_logs import agreement_of
+from runtime.library import Array, Integers, Library
 from runtime.library.manifest import file_units
 from runtime.recording import Friction, Preparation
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.recipes.recipe import COMMANDED, MEASURED
-from runtime.recording.row_marks import row_marks
+from runtime.recording.row_marks import COUNT, row_marks
 from runtime.recording.settings import WIDTHS
 
 
 @one_blas_thread
 def identify_free_base(
-    recording: FreeBaseRecording, lib: Library, settings: Settings, *, trim_s: float = 0.0
+    logs: Sequence[FreeBaseRecording], lib: Library, settings: Settings, *, trim_s: float = 0.0
 ) -> FreeBaseIdentification:
-    """Identify π of a robot with a free base; a delay of commands is estimated unless stated."""
+    """Identify π of a robot with a free base; a delay of commands is estimated unless stated.
+
+    Offsets of contact sensors are those of one log each, all other coefficients are common.
+    """
     if not lib.manifest.floating:
         raise IdentificationError(
             f"the base of '{lib.name}' is fixed, so a log with the motion of a base does not fit; "
@@ -76,36 +83,32 @@ def identify_free_base(
     prior = with_mirrored_links(settings.prior, lib, pairs, settings.tie)
     method = METHODS[chosen_method(settings.method, settings.preset, prior)]
     settings = replace(settings, prior=prior)
-    require_settings(settings, method, recording)
-    data = prepared_walk(recording, lib, settings, trim_s)
-    task = _task(lib, data, settings, method.name)
-    problem, drives, places = task.problem, data.drives, task.of_drives
-    notes = [*task.notes, *notes_on(lib, recording, data, task.noise)]
+    require_settings(settings, method, logs)
+    data = prepared_walk(logs, lib, settings, trim_s)
 
-    def fitted(problem: Problem) -> Fit:
-        return fit_by(problem, method.name, settings.preset, prior)
+    def fit_of(instants: Integers) -> WalkFit:
+        return _fitted(lib, data, instants, settings, method)
 
-    fit = fitted(problem)
-    if settings.tie and drives is not None and drives.terms.columns:
-        phi = fit.phi[0, places].reshape(lib.n_joints, -1)
-        tied, note = tied_prior(lib.joint_names, pairs, drives.terms.columns, phi, task.known)
-        problem = _with_known(problem, tied, places)
-        fit, notes = fitted(problem), [note, *notes]
-    seconds = float(data.train.t[-1] - data.train.t[0])
-    evidence = _evidence(problem, fit, method, prior, task.offsets, seconds)
-    root = evidence.phi_root
+    trained = fit_of(data.parts[0])
+    fit, evidence, drives = trained.fit, trained.evidence, data.drives
+    places, root = evidence.of_drives, evidence.phi_root
+    notes = [*trained.notes, *notes_on(lib, logs, data, trained.rows, trained.noise)]
     mirrored: tuple[MirroredPair, ...] = ()
     if pairs:
-        mirrored, of_sides = _sides(lib, data, fit, root, pairs, places)
+        mirrored, of_sides = _sides(lib, data, trained, root, pairs)
         notes = [*of_sides, *notes]
-    names, shown = data.tested.shown(drives is not None)
-    tested = data.tested.samples
-    by_result = tested.rigid(lib, fit.pi) + tested.columns @ fit.phi[0]
-    measured, before, after = map(shown, (tested.tau, tested.rigid(lib, lib.pi0), by_result))
+    sessions = None
+    if len(logs) > 1:
+        sessions, of_logs = _agreement(logs, lib, data, fit_of)
+        notes = [*of_logs, *notes]
+    tested, test = data.tested, data.motion.rows(data.parts[-1])
+    names, shown = tested.shown(drives is not None)
+    by_urdf = tested.samples.rigid(lib, lib.pi0)
+    measured, before, after = map(shown, (tested.samples.tau, by_urdf, trained.predicted(tested)))
     errors = [metrics.torque_error(measured, each) for each in (before, after)]
     percent, sizes = error_parts(*errors)
     deviations = np.linalg.norm(root, axis=1)
-    sensors = dict(zip(task.sensors, fit.phi[0, : places.start].tolist(), strict=True))
+    sensors = dict(zip(data.sensors, trained.phi[: places.start].tolist(), strict=True))
     of_rows = dict(zip(lib.row_names, [*["N"] * 3, *["N*m"] * 3, *file_units(lib.manifest)],
                        strict=True))  # fmt: skip
     cutoff_hz = cutoff_of(settings.cutoff)
@@ -113,20 +116,21 @@ def identify_free_base(
     if cutoff_hz is not None:
         preparation = Preparation(filter="butterworth", cutoff_hz=cutoff_hz)
     terms = Friction(()) if drives is None else drives.terms
-    phi, spread = (x.reshape(lib.n_joints, -1) for x in (fit.phi[0, places], deviations[places]))
-    is_late = recording.is_commanded or settings.delay is not None
+    phi, spread = (x[places].reshape(lib.n_joints, -1) for x in (trained.phi, deviations))
+    is_commanded = logs[0].is_commanded
+    is_late = is_commanded or settings.delay is not None
     record = record_about(
         *(lib, fit.pi, fit.lam),
         method=method.name,
         base="free",
         status=fit.status,
         recording=RecordingPart.with_gaps(
-            name=recording.name,
-            duration=float(data.motion.t[-1] - data.motion.t[0]),
-            samples={"train": len(data.train), "validation": 0, "test": len(data.test)},
+            name=" + ".join(log.name for log in logs),
+            duration=data.motion.seconds,
+            samples={"train": len(data.parts[0]), "validation": 0, "test": len(test)},
             preparation=stated_steps(preparation),
         ),
-        torque_source=COMMANDED if recording.is_commanded else MEASURED,
+        torque_source=COMMANDED if is_commanded else MEASURED,
         delay_s=_delay(drives, fit, deviations) if is_late else None,
         torque_error_percent=percent,
         torque_rms=sizes,
@@ -145,16 +149,16 @@ def identify_free_base(
             *fit.notes,
             *notes,
             *notes_on_errors(
-                *(rms(measured), errors[1].rms, sensors, list(task.sensors.values())),
-                bool(recording.joint_names),
+                *(rms(measured), errors[1].rms, sensors, list(data.sensors.values())),
+                bool(logs[0].joint_names),
             ),
         ),
-        provenance=provenance_of(lib, "", dict(recording.source), None),
+        provenance=provenance_of(lib, "", dict(ChainMap(*(dict(x.source) for x in logs))), None),
         rows=data.rows,
         error_rows=names,
         error_units=tuple(of_rows.get(name, "") for name in names),
         total_mass=total_mass(evidence),
-        vertical_force=vertical_force(lib, data.test, fit.pi, fit.phi[:, : places.start]),
+        vertical_force=vertical_force(lib, test, fit.pi, fit.phi[:, : places.start]),
         sensors={
             name: Coefficient(value=value, sigma=plain(sigma))
             for (name, value), sigma in zip(
@@ -162,63 +166,111 @@ def identify_free_base(
             )
         }
         or None,
+        sessions=sessions,
     )
     return FreeBaseIdentification(
         *(record, fit.pi, terms, phi, preparation),
-        row_marks=row_marks(recording.joints),
+        row_marks=np.unique(np.concatenate([row_marks(log.joints) for log in logs]))[:COUNT],
         lib=lib,
         evidence=evidence,
-        predictions={"t": data.test.t, "measured": measured, "before": before, "after": after},
+        predictions={"t": test.t, "measured": measured, "before": before, "after": after},
     )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Task:
-    """The problem of a log, and what belongs to it."""
+class WalkFit:
+    """Fit to the equations of some instants."""
 
-    problem: Problem
-    sensors: dict[str, float]  # σ of the errors of sensors, whose coefficients are first
-    of_drives: slice  # places of the friction coefficients, joint by joint, behind them
-    offsets: Array  # (N, m, o), see `FreeBaseRows`, weighted like the rows
+    rows: FreeBaseRows
+    fit: Fit
+    evidence: Evidence
     noise: RowNoise | None
-    known: FrictionPrior | None  # of friction, (n, k)
     notes: tuple[str, ...]
 
+    @property
+    def phi(self) -> Array:
+        """Coefficients of sensors, drives and delay, (K,)."""
+        return np.asarray(self.fit.phi[0])
 
-def _task(lib: Library, data: PreparedWalk, settings: Settings, method: str) -> _Task:
-    """The problem of the rows that train, whose errors of sensors have a prior."""
-    drives, trained = data.drives, data.trained
-    fitted, sensors = trained.samples, dict(sensor_errors(data.motion.contacts))
-    size, notes, noise = len(sensors), tuple[str, ...](), None
-    sensed = None
+    def predicted(self, rows: FreeBaseRows) -> Array:
+        """Right side of other equations, (N, m)."""
+        samples = rows.samples
+        return np.asarray(
+            samples.rigid(self.evidence.lib, self.fit.pi) + samples.columns @ self.phi
+        )
+
+
+def _fitted(
+    lib: Library, data: PreparedWalk, instants: Integers, settings: Settings, method: Method
+) -> WalkFit:
+    """Fit of some instants; errors of sensors have a prior, tied drives one of a fit before."""
+    motion, drives = data.motion.rows(instants), data.drives
+    rows, sensors, seconds = data.rows_of(lib, motion), data.sensors, motion.seconds
+    samples, size, notes = rows.samples, len(sensors), list[str]()
+    sensed = noise = known = None
     if sensors:
         sigma = list(sensors.values())
-        sensed = FrictionPrior.of_some(fitted.shape, np.s_[0, :size], 0.0, sigma)
+        sensed = FrictionPrior.of_some(samples.shape, np.s_[0, :size], 0.0, sigma)
     columns = tuple(f"error{OF}{name}" for name in sensors)
-    weights, count, known = np.ones(len(fitted)), 0, None
+    weights, names = np.ones(len(samples)), tuple[str, ...]()
     if drives is None:
-        seconds = float(data.train.t[-1] - data.train.t[0])
-        noise = noise_of(lib, trained, sensed, cutoff_of(settings.cutoff), seconds)
+        noise = noise_of(lib, rows, sensed, cutoff_of(settings.cutoff), seconds)
         floor = None if noise is None else noise.floor
         if noise is not None:
             weights = noise.weights
-            fitted = fitted.weighted(weights)
+            samples = samples.weighted(weights)
     else:
-        terms = drives.terms
-        count = lib.n_joints * len(terms.columns)
-        if count:
-            known = known_friction(lib, settings, terms.columns, terms)
-        columns, floor = (*columns, *drives.names(lib.joint_names)), unit_noise(fitted)
-    places = slice(size, size + count)
-    problem = problem_of(lib, fitted, data.tested.samples, columns, floor, sensed)
+        names = drives.terms.columns
+        if names:
+            known = known_friction(lib, settings, names, drives.terms)
+        columns, floor = (*columns, *drives.names(lib.joint_names)), unit_noise(samples)
+    places = slice(size, size + lib.n_joints * len(names))
+    problem = problem_of(lib, samples, data.tested.samples, columns, floor, sensed)
     if known is not None:
         problem = _with_known(problem, known, places)
     if settings.robust:
-        problem, robust = robust_problem(problem, method)
+        problem, robust = robust_problem(problem, method.name)
         weights = weights * robust.weights
-        notes = (robust.note(data.train.t, trained.equations),)
-    offsets = trained.offsets * np.sqrt(weights)[:, None, None]
-    return _Task(problem, sensors, places, offsets, noise, known, notes)
+        notes.append(robust.note(motion.t, rows.equations))
+    fit = fit_by(problem, method.name, settings.preset, settings.prior)
+    if settings.tie and names:
+        phi = fit.phi[0, places].reshape(lib.n_joints, -1)
+        tied, note = tied_prior(lib.joint_names, tuple(settings.symmetric), names, phi, known)
+        problem = _with_known(problem, tied, places)
+        fit = fit_by(problem, method.name, settings.preset, settings.prior)
+        notes.insert(0, note)
+    offsets = rows.offsets * np.sqrt(weights)[:, None, None]
+    evidence = _evidence(problem, fit, method, settings.prior, offsets, seconds, places)
+    return WalkFit(rows, fit, evidence, noise, tuple(notes))
+
+
+def _agreement(
+    logs: Sequence[FreeBaseRecording],
+    lib: Library,
+    data: PreparedWalk,
+    fit_of: Callable[[Integers], WalkFit],
+) -> tuple[SessionsPart, tuple[str, ...]]:
+    """Comparison of the logs by all of their instants."""
+    every = np.sort(np.concatenate(data.parts))
+    instants = [np.intersect1d(every, of_log) for _, of_log in data.motion.each()]
+    rows = [data.rows_of(lib, data.motion.rows(some)) for some in instants]
+
+    def predicted(walk: WalkFit | None, k: int) -> Array:
+        some = rows[k]
+        values = some.samples.rigid(lib, lib.pi0) if walk is None else walk.predicted(some)
+        return some.over_rows(values)
+
+    return agreement_of(
+        lib,
+        [(log.name, log.joints) for log in logs],
+        lambda numbers: fit_of(np.concatenate([instants[k] for k in numbers])),
+        lambda walk: (walk.fit.pi, walk.evidence.posterior.pi_root),
+        predicted,
+        [each.over_rows(each.samples.tau) for each in rows],
+        payload_kg=(0.0,) * len(logs),
+        train_samples=tuple(map(len, instants)),
+        offsets=None,
+    )
 
 
 def _with_known(problem: Problem, known: FrictionPrior, of_drives: slice) -> Problem:
@@ -240,26 +292,17 @@ def _delay(drives: Drives | None, fit: Fit, deviations: Array) -> Delay | None:
 
 
 def _sides(
-    lib: Library,
-    data: PreparedWalk,
-    fit: Fit,
-    root: Array,
-    pairs: tuple[str, ...],
-    of_drives: slice,
+    lib: Library, data: PreparedWalk, walk: WalkFit, root: Array, pairs: tuple[str, ...]
 ) -> tuple[tuple[MirroredPair, ...], tuple[str, ...]]:
     """Comparison of the drives of mirrored joints, and notes on it."""
+    rows, places = data.tested, walk.evidence.of_drives
     columns = () if data.drives is None else data.drives.terms.columns
-    samples, rest = data.tested.samples, data.tested.samples.columns @ fit.phi[0]
-    rest = samples.tau - samples.rigid(lib, fit.pi) - rest
-    first = data.tested.over_rows(rest).shape[1] - lib.n_joints
-
-    def error(change: Array, pair: tuple[int, int]) -> float:
-        changed = rest - samples.columns[:, :, of_drives] @ change.ravel()
-        return float(np.linalg.norm(data.tested.over_rows(changed)[:, [first + j for j in pair]]))
-
-    phi = fit.phi[0, of_drives].reshape(lib.n_joints, -1)
     return sides_of(
-        lib.joint_names, pairs, columns, phi, root[of_drives] if columns else None, error
+        *(lib.joint_names, pairs, columns),
+        walk.phi[places].reshape(lib.n_joints, -1),
+        root[places] if columns else None,
+        rows.over_rows(rows.samples.tau - walk.predicted(rows)),
+        lambda change: rows.over_rows(rows.samples.columns[:, :, places] @ change.ravel()),
     )
 
 
@@ -270,6 +313,7 @@ def _evidence(
     prior: PriorFile | None,
     offsets: Array,
     seconds: float,
+    of_drives: slice,
 ) -> Evidence:
     """Data and priors about a fit; offsets (N, m, o) of sensors move π and φ."""
     lib, samples = problem.lib, problem.train
@@ -293,4 +337,5 @@ def _evidence(
         method.is_most_probable,
         noise.inflation,
         seconds,
+        of_drives,
     )

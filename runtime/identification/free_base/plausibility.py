@@ -18,7 +18,7 @@ from runtime.identification.free_base.rows import (
     contact_jacobian,
     is_opposite,
 )
-from runtime.library import Array, Library
+from runtime.library import Array, Integers, Library
 from runtime.library.free_base import FREEDOM
 from runtime.library.parameters import links, mass
 from runtime.recording.consistency import (
@@ -110,14 +110,17 @@ def require_joint_units(lib: Library, motion: FreeBaseMotion, name: str) -> None
         )
 
 
-def require_forces_on_robot(lib: Library, rows: FreeBaseRows, name: str) -> None:
+def require_forces_on_robot(
+    lib: Library, rows: FreeBaseRows, instants: Integers, name: str
+) -> None:
     """Refuse opposite wrenches, such as forces on the ground, by the equations of the base."""
     alone = not any(row in rows.names for row in lib.joint_names)
     complete = rows.samples.equations == len(rows.names) >= FREEDOM
     if not (alone or complete):
         return
     kept = slice(None) if alone else slice(FREEDOM)
-    if is_opposite(rows.samples.rigid(lib, lib.pi0)[:, kept], rows.samples.tau[:, kept]):
+    some = rows.samples.rows(instants)
+    if is_opposite(some.rigid(lib, lib.pi0)[:, kept], some.tau[:, kept]):
         raise IdentificationError(
             f"{name}: the contact wrenches are opposite to those that hold the URDF, expected "
             "forces on the robot; change their sign, or give quaternions of base_pose as x y z w"

@@ -12,6 +12,7 @@ import numpy as np
 
 from runtime.estimators.classical.pc_ols import BOUNDARY
 from runtime.estimators.convex.entropic_prior import Prior, com_sigma
+from runtime.estimators.friction_bounds import OF
 from runtime.estimators.prior_file import prior_about
 from runtime.estimators.regression.factor import Elimination, Reduced, Statistics, reduce
 from runtime.estimators.regression.samples import NORMAL_95
@@ -66,6 +67,7 @@ class Evidence:
     is_most_probable: bool
     inflation: float  # N / N_eff
     seconds: float  # duration of the rows [s]
+    of_drives: slice  # places of the friction coefficients in φ, joint by joint
 
     @property
     def prior(self) -> Prior:
@@ -140,8 +142,8 @@ class FreeBaseIdentification(SavedResult):
     @property
     def written_posterior(self) -> SavedPosterior:
         """Posterior of π and of the friction, without errors of sensors and the delay."""
-        first, known = len(self.record.sensors or ()), self.posterior.information
-        of_friction = marginal(known.statistics, slice(first, first + self.phi.size))
+        known = self.posterior.information
+        of_friction = marginal(known.statistics, self.evidence.of_drives)
         known = replace(known, statistics=of_friction)
         return replace(self.posterior, information=known, phi_nuisance=None)
 
@@ -236,7 +238,11 @@ def rows_by_result(
     motion = motion.rows(np.flatnonzero(inside)[::step])
     rows = rows_of(lib, motion, record.rows or "all", drives)
     known = record.sensors or {}
-    sensors = [known[n].value if n in known else 0.0 for n, _ in sensor_errors(motion.contacts)]
+    # Of several logs the mean of their offsets.
+    sensors = [
+        np.mean([x.value or 0.0 for key, x in known.items() if key.partition(OF)[0] == name] or [0])
+        for name, _ in sensor_errors(motion.contacts)
+    ]
     phi = np.concatenate([np.array(sensors, dtype=float), saved.phi.ravel() if drives else []])
     return motion, rows, phi, drives is not None
 

@@ -39,7 +39,7 @@ from scipy.spatial.transform import Rotation
 
 from runtime.errors import IdentificationError
 from runtime.estimators.friction_bounds import OF
-from runtime.estimators.regression.samples import Samples
+from runtime.estimators.regression.samples import Samples, names_of_equations
 from runtime.library import Array, Integers, Library, Mask
 from runtime.library.free_base import FREEDOM
 from runtime.recording.free_base import Contacts, FreeBaseRecording
@@ -76,7 +76,7 @@ def reading_errors(lib: Library, motion: FreeBaseMotion) -> Array:
     parts = [np.zeros((count, size, 0))]
     if contacts.offset_sigma is not None:
         read = np.ones((count, size)) if contacts.sensed is None else contacts.sensed
-        parts.append(read[:, :, None] * np.eye(size))
+        parts.append(of_each_log(read[:, :, None] * np.eye(size), motion))
     force = contacts.wrench[:, :, VERTICAL]
     if contacts.sharing_sigma is not None:
         parts.append((force * (1 - _shares(force, 1.0)))[:, :, None])
@@ -86,13 +86,22 @@ def reading_errors(lib: Library, motion: FreeBaseMotion) -> Array:
     return np.concatenate(parts, axis=2)
 
 
-def sensor_errors(contacts: Contacts) -> list[tuple[str, float]]:
+def of_each_log(columns: Array, motion: FreeBaseMotion) -> Array:
+    """Columns (N, m, k) whose coefficients differ between L logs, (N, m, L k)."""
+    is_of = motion.log[:, None] == np.arange(len(motion.logs))
+    return np.einsum("nl,nmk->nmlk", is_of, columns).reshape(*columns.shape[:2], -1)
+
+
+def sensor_errors(contacts: Contacts, logs: Sequence[str] = ("",)) -> list[tuple[str, float]]:
     """Name (link, "sharing", axis of crosstalk) and σ of the K coefficients of `reading_errors`."""
     known: list[tuple[str, float]] = []
     if contacts.offset_sigma is not None:
         # A sensor that is stated to have no offset keeps one of rounding.
         sigma = np.maximum(contacts.offset_sigma, SMALLEST_OFFSET).tolist()
-        known += zip(_names(contacts.links), sigma, strict=True)
+        for log in logs:
+            names = _names(contacts.links)
+            names = [f"{name}{OF}{log}" for name in names] if len(logs) > 1 else names
+            known += zip(names, sigma, strict=True)
     if contacts.sharing_sigma is not None:
         known.append(("sharing", max(contacts.sharing_sigma, SMALLEST_SHARING)))
     if contacts.crosstalk_sigma is not None:
@@ -180,10 +189,7 @@ class FreeBaseRows:
     @property
     def equations(self) -> tuple[str, ...]:
         """Names of the m equations: those of the rows where no wrench was eliminated."""
-        size = self.samples.equations
-        if size == len(self.names):
-            return self.names
-        return tuple(f"equation {k + 1}" for k in range(size))
+        return names_of_equations(self.names, self.samples.equations)
 
     @property
     def left(self) -> Integers:
@@ -229,7 +235,7 @@ def rows_of(
             root = np.asarray(np.linalg.cholesky(drives.covariance[np.ix_(kept, kept)]))
         over = np.linalg.inv(root)  # of some tens of rows, whose σ are within a few decades
         jacobian, known, y, errors = jacobian @ over.T, known @ over.T, over @ y, over @ errors
-    offsets = _offsets(jacobian, motion.contacts)
+    offsets = _offsets(jacobian, motion)
     if not unknown.any():
         basis = np.broadcast_to(np.eye(len(kept)), (count, len(kept), len(kept)))
         return FreeBaseRows(_samples(y, known, errors), basis, names, known, root, offsets)
@@ -253,16 +259,18 @@ def rows_of(
     return FreeBaseRows(samples, basis, names, known, root, back @ offsets)
 
 
-def _offsets(jacobian: Array, contacts: Contacts) -> Array:
+def _offsets(jacobian: Array, motion: FreeBaseMotion) -> Array:
     """Jᵀ σ of the components that a sensor reads and whose offset has no column, (N, k, o)."""
+    contacts = motion.contacts
     count, size = contacts.wrench.shape[:2]
-    wrench = contacts.wrench.reshape(count, -1)
-    is_read = np.asarray(~np.isnan(wrench).any(axis=0) & wrench.any(axis=0))
+    wrench = contacts.wrench.reshape(count, FREEDOM * size)
+    wrenches = [wrench[rows] for _, rows in motion.each()]
+    is_read = np.concatenate([~np.isnan(x).any(axis=0) & x.any(axis=0) for x in wrenches])
     if contacts.offset_sigma is not None:
         is_read[VERTICAL::FREEDOM] = False
     sensed = np.ones((count, size)) if contacts.sensed is None else contacts.sensed
     each = np.repeat(sensed, FREEDOM, axis=1) * np.tile(OFFSET_SIGMA, size)
-    return np.swapaxes(jacobian * each[:, :, None], 1, 2)[:, :, is_read]
+    return of_each_log(np.swapaxes(jacobian * each[:, :, None], 1, 2), motion)[:, :, is_read]
 
 
 def contact_poses(lib: Library, q: Array, contacts: Contacts) -> list[Array]:

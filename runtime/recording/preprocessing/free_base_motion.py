@@ -18,8 +18,9 @@ v̇ + ω × v, or what an accelerometer reads, v̇ + ω × v − Rᵀ g. A state
 these is far closer to it than the convention, in the median of the rows.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -30,7 +31,13 @@ from runtime.recording.consistency import unwrap
 from runtime.recording.free_base import Contacts, FreeBaseRecording
 from runtime.recording.friction.model import columns as friction_columns
 from runtime.recording.preprocessing.filters import lagged, low_pass
-from runtime.recording.preprocessing.segments import differentiate, holes, interpolate, resample
+from runtime.recording.preprocessing.segments import (
+    differentiate,
+    holes,
+    interpolate,
+    on_one_clock,
+    resample,
+)
 from runtime.recording.recording import Recording
 from runtime.recording.settings import COLUMNS, Friction, JointMotion
 
@@ -128,8 +135,10 @@ _GAP_S = 0.1
 """Longest gap that is filled."""
 _OF_MOTION = ("position", "rotation", "q", "dq", "ddq", "twist", "acceleration")
 """Names of the signals that are differentiated; the others are forces."""
-_ARRAYS = ("t", "q", "dq", "ddq", "tau", "rotation", "tau_rate", "friction")
+_ARRAYS = ("t", "q", "dq", "ddq", "tau", "rotation", "tau_rate", "friction", "log")
 """Arrays of a motion with one entry per instant."""
+_OF_CONTACTS = ("links", "position", "axes", "offset_sigma", "sharing_sigma", "crosstalk_sigma")
+"""Fields of contacts that several logs share."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -147,9 +156,20 @@ class FreeBaseMotion:
     tau_rate: Array | None = None
     # (N, n, k) friction columns, those that are not linear behind that low-pass, too
     friction: Array | None = None
+    log: Integers = field(kw_only=True)  # (N,) number of the log of every instant
+    logs: tuple[str, ...] = field(kw_only=True)  # names of the logs
 
     def __len__(self) -> int:
         return len(self.t)
+
+    def each(self) -> Iterator[tuple[str, Integers]]:
+        """Name of every log, and its instants."""
+        return ((name, np.flatnonzero(self.log == k)) for k, name in enumerate(self.logs))
+
+    @property
+    def seconds(self) -> float:
+        """Duration without the pauses between logs."""
+        return sum(float(np.ptp(self.t[rows])) for _, rows in self.each() if rows.size)
 
     def rows(self, taken: slice | Integers) -> "FreeBaseMotion":
         """Some of the instants."""
@@ -233,7 +253,39 @@ def motion_of(
         rotation,
         x.get("tau_rate"),
         None if terms is None else _friction(x["friction"], dq, ddq, terms),
+        log=np.zeros(len(motion), dtype=int),
+        logs=(recording.name,),
     )
+
+
+def joined(motions: Sequence[FreeBaseMotion]) -> FreeBaseMotion:
+    """Motions of several logs, one after the other."""
+    first, *others = motions
+    if not others:
+        return first
+    for other in others:
+        for key in _OF_CONTACTS:
+            one, two = (getattr(each.contacts, key) for each in (first, other))
+            if not np.array_equal(one, two):
+                raise RecordingError(
+                    f"{other.logs[0]} has other contacts than {first.logs[0]} ({key}), and one fit "
+                    "needs the same in all logs; list every contact in each, with contact_flags 0 "
+                    "where there is none"
+                )
+    arrays = {key: [getattr(each, key) for each in motions] for key in _ARRAYS}
+    arrays["t"] = [on_one_clock(arrays["t"])]
+    arrays["log"] = [each.log + k for k, each in enumerate(motions)]
+    whole: dict[str, Any] = {
+        key: None if any(part is None for part in parts) else np.concatenate(parts)
+        for key, parts in arrays.items()
+    }
+    wrench, sensed = (
+        np.concatenate([getattr(each.contacts, key) for each in motions])
+        for key in ("wrench", "sensed")
+    )
+    contacts = replace(first.contacts, wrench=wrench, sensed=sensed)
+    names = tuple(each.logs[0] for each in motions)
+    return replace(first, contacts=contacts, logs=names, **whole)
 
 
 def _by_name(values: Array, blocks: Mapping[str, Array]) -> dict[str, Array]:

@@ -12,6 +12,7 @@ estimate, the logged time decides.
 """
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.special import i0
@@ -92,6 +93,18 @@ def holes(t: Array) -> Mask:
 def segments(t: Array) -> list[slice]:
     """Parts of t (N,) without a hole, in order; together they hold every sample."""
     return _between(holes(t))
+
+
+PAUSE = 10.0  # time between two logs on the common clock [s]: longer than any interpolated gap
+
+
+def on_one_clock(clocks: Sequence[Array]) -> Array:
+    """Instants of several logs one after the other, `PAUSE` apart."""
+    parts, start = [], 0.0
+    for t in clocks:
+        parts.append(t - t[0] + start)
+        start = float(parts[-1][-1]) + PAUSE
+    return np.concatenate(parts)
 
 
 def rate_of(t: Array, values: Array) -> Array:

@@ -132,7 +132,7 @@ def test_crosstalk_is_estimated_from_the_quiet_part(hopper: Library, swinging: A
     """
     recording = free_base_of(swinging, "log")
     result = identify_free_base(
-        recording, hopper, Settings(rows="base", cutoff=1.0, split=HALF), trim_s=0.5
+        [recording], hopper, Settings(rows="base", cutoff=1.0, split=HALF), trim_s=0.5
     )
     assert result.record.sensors["crosstalk_y"].value == pytest.approx(CROSSTALK, abs=0.01)
     assert set(result.record.sensors) == {"crosstalk_y"}  # no part of the moment about x is stated

@@ -309,7 +309,7 @@ BAD = {
     "no pose": ({}, ("base_pose",), "has no motion of the base"),
     "wrong shape": ({"base_twist": np.zeros((3, 6))}, (), "base_twist needs real numbers"),
     "misspelt": ({"base_poses": np.zeros(3)}, (), "has the array base_poses, expected"),
-    "length": ({"base_pose": np.zeros((600, 7))}, (), "differ from length 1"),
+    "length": ({"base_pose": np.zeros((600, 7))}, (), "base_pose: .* another length than 1"),
     "no links": ({}, ("contact_links",), "no contact_links"),
     "axes": ({"contact_axes": "base"}, (), "contact_axes is 'base', expected one of link, world"),
     "fixed link": ({"contact_links": ["box", "body"]}, (), "it is fixed to 'body'"),

@@ -36,11 +36,20 @@ KP, KD = 80.0, 2.0
 
 @pytest.fixture(scope="module")
 def log() -> VirtualLog:
+    return foot_log()
+
+
+def foot_log() -> VirtualLog:
+    """One foot on the ground."""
     return virtual_log(HOPPER, ("left_foot",), 3, Experiment(count=900, changed=0.2))
 
 
 @pytest.fixture(scope="module")
 def arrays(log: VirtualLog) -> Arrays:
+    return walk_by_commands(log)
+
+
+def walk_by_commands(log: VirtualLog) -> Arrays:
     """What a robot without force sensors logs: an IMU and the law of its commands."""
     a = log.arrays
     rng = np.random.default_rng(0)

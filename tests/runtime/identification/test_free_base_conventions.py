@@ -131,7 +131,7 @@ CASES: dict[str, tuple[Callable[[Arrays], Arrays], str]] = {
     ),
     "reflection": (
         lambda log: {"base_pose": np.tile(np.diag([1.0, 1, -1, 1]), (len(log["t"]), 1, 1))},
-        "base_pose is not a rigid transform",
+        "base_pose: the pose of the base is not a rigid transform",
     ),
     "inverse": (inverse, "base_pose is the pose of the world in the base"),
     "rpy in degrees": (in_degrees, "base_rpy reaches a pitch of .*, expected at most π rad"),

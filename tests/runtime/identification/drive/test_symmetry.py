@@ -80,7 +80,8 @@ def test_equal_drives_agree_and_a_worn_one_is_named(lib: Library, command, tmp_p
     for rise, said in ((1.04, "error is hardly larger"), (1.06, "1.06 times as large: the two")):
         pairs, _ = sides_of(
             *(lib.joint_names, PAIRS[1:], result.friction.columns, result.phi, root),
-            lambda change, _, rise=rise: rise if change.any() else 1.0,
+            np.ones((1, lib.n_joints)),
+            lambda _, rise=rise: np.full((1, lib.n_joints), 1.0 - rise),
         )
         assert said in next(each.sentence for each in pairs if each.quantity == "friction")
     words = (

@@ -16,8 +16,9 @@ import numpy as np
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
+from runtime.estimators.choice.dry_friction import with_dry_friction
 from runtime.estimators.methods import METHODS, chosen_method
-from runtime.estimators.regression.recorded_delay import with_delay, with_dry_friction
+from runtime.estimators.regression.recorded_delay import with_delay
 from runtime.identification.drive.estimate import NO_BIAS, identify_drive
 from runtime.identification.drive.result import DriveFit, DriveRequest
 from runtime.identification.drive.symmetry import identify_tied, with_mirrored_links, with_sides

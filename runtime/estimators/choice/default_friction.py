@@ -31,6 +31,7 @@ from scipy.linalg import lapack
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
+from runtime.estimators.choice.dry_friction import minimum_on_grid
 from runtime.estimators.choice.friction_choice import (
     BLOCKS,
     LEAST_GAIN,
@@ -41,7 +42,6 @@ from runtime.estimators.choice.friction_choice import (
 )
 from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
 from runtime.estimators.regression.factor import Statistics, compress
-from runtime.estimators.regression.recorded_delay import minimum_on_grid
 from runtime.estimators.regression.samples import Samples, inflation, samples_of, thesis_weights
 from runtime.estimators.robust import explicit, weights_of_rows
 from runtime.library import Array, Library, Mask, require_library

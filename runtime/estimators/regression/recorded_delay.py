@@ -13,28 +13,19 @@ The profile is that of linear least squares at every delay:
 acts d later has δ = −d. N_eff counts the scatter of the score dL/dδ between blocks (`model_error`).
 The interval holds all δ with L(δ) − L(δ̂) ≤ 1.92, half the 95 % quantile of χ² with one degree of
 freedom. Friction has a memory and lags behind the sign of dq, which looks like a delay of some 20
-ms: rows of a measured torque near a reversal of a joint's speed are left out for that joint.
+ms: rows of a measured torque near a reversal of a joint's speed are left out for that joint. So are
+those of a commanded one where they are predicted far worse than the others (`TURNED`); else they
+determine its delay best.
 Source: profile likelihood of Gaussian noise with unknown variances (Murphy & van der Vaart 2000).
-
-Dry friction of drives: with a memory or without, the same everywhere or changing with q.
-
-    e = τ(t + δ) − Y π0 − F φ,   F with coulomb or dahl, each without and with position
-
-A linkage or a cable makes friction change with the position. Candidates are compared joint by joint
-by cross-validation on contiguous blocks. A memory, with the stroke z_c of a reversal, and a delay
-both make the torque of a reversal late: where the delay is unknown, a memory has to pay at the δ
-that is best without it, and then has a δ of its own.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 from scipy.special import chdtri
 
-from runtime.common.tables import significant
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.coloured_noise import (
     coloured_noise_of_basis,
@@ -44,9 +35,9 @@ from runtime.estimators.regression.coloured_noise import (
 from runtime.estimators.regression.model_error import FreeFit, nuisance_of, scatter
 from runtime.estimators.regression.posterior import orthonormal, posterior_of
 from runtime.estimators.regression.samples import NORMAL_95, Samples, samples_of
-from runtime.library import Array, Library
+from runtime.library import Array, Integers, Library
 from runtime.recording import Friction, Preparation, Recording, Split
-from runtime.recording.friction.columns import COULOMB, DAHL, POSITION, ROTOR
+from runtime.recording.friction.columns import ROTOR
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.preprocessing.segments import interpolate
@@ -66,6 +57,12 @@ CUTOFF_HZ, SHARE = 10.0, 0.2
 NEAR_S, SLIDING, LEAST_SHARE = 0.1, 0.1, 0.3
 """Time around a reversal that is left out [s]; speed over the largest one of the joint below which
 friction may not slide; share of the rows that must remain, else all are used."""
+
+
+TURNED = 5.0
+"""Squared residual near reversals over that of sliding joints from which on friction turns round in
+another way than its columns: 1 of columns that are right, 3.4 on a Z1, 6.5 to 14 of friction with a
+memory, 11 to 54 in MuJoCo, whose friction creeps."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,10 +146,9 @@ def recorded_delay(
         )
     every = samples_of(whole, lib)
     samples, tau = every.rows(rows), every.tau
-    used = np.ones_like(samples.tau)
-    if not commanded:
-        used = _sliding(every.dq, whole.rate_hz)[rows]
-        used[:, used.mean(axis=0) <= LEAST_SHARE] = 1.0
+    used = slides = sliding(every.dq, whole.rate_hz, rows)
+    if commanded:
+        used = np.ones_like(slides)
 
     def rows_of(some: Samples) -> Array:
         """The columns, and the torque of the URDF where it counts, in the last one."""
@@ -187,7 +183,13 @@ def recorded_delay(
         first, last = max(first, coarse - 2 * width), min(last, coarse + 2 * width)
     steps = range(round(first / STEP_S), round(last / STEP_S) + 1)
     delays = np.array([STEP_S * k for k in steps])
-    return replace(fit_of(1).profile(delays), sign=sign_of_delay(recording))
+    fit = fit_of(1)
+    solved = fit.solved(delays)
+    if commanded and reversal_excess(solved.rests[solved.best], slides) > TURNED:
+        used = slides
+        fit = fit_of(1)
+        solved = fit.solved(delays)
+    return replace(fit.profile(delays, solved), sign=sign_of_delay(recording))
 
 
 def delay_of_log(
@@ -220,12 +222,30 @@ def stated_delay(preparation: Preparation) -> float:
     return float(np.mean(preparation.torque_delay_s or 0.0))
 
 
-def _sliding(dq: Array, rate_hz: float) -> Array:
-    """1 in rows and joints far from a reversal of the speed, else 0, (N, n)."""
+def sliding(dq: Array, rate_hz: float, rows: Integers | slice = slice(None)) -> Array:
+    """1 in rows and joints far from a reversal of the speed, else 0, of some rows, (N, n).
+
+    Of joints that seldom are, all rows count.
+    """
     slow = np.abs(dq) < SLIDING * np.abs(dq).max(axis=0)
     width = 2 * round(NEAR_S * rate_hz) + 1
     near = maximum_filter1d(slow.astype(np.uint8), width, axis=0, mode="nearest")
-    return np.asarray(1.0 - near)
+    used = 1.0 - near[rows]
+    used[:, used.mean(axis=0) <= LEAST_SHARE] = 1.0
+    return np.asarray(used)
+
+
+def reversal_excess(rest: Array, used: Array) -> float:
+    """Squared residual in rows near reversals over that in sliding ones, mean of the joints.
+
+    rest (N, n), used (N, n) of `sliding`; 0 where no joint has both.
+    """
+    both = ~used.all(axis=0)
+    if not both.any():
+        return 0.0
+    rest, used = rest[:, both] ** 2, used[:, both]
+    turns, slides = (np.sum(rest * w, axis=0) / w.sum(axis=0) for w in (1 - used, used))
+    return float(np.exp(np.mean(np.log(turns / slides))))
 
 
 def filtered(recording: Recording, preparation: Preparation) -> Preparation:
@@ -285,9 +305,8 @@ class _Fit:
             scale = 1.0 / np.sqrt(np.maximum(variance[best], floor))
         return _Solved(best, rests, variance, logs @ counts, scale, floor)
 
-    def profile(self, delays: Array) -> DelayProfile:
-        """Profile of the loss over delays (M,) [s]."""
-        solved = self.solved(delays)
+    def profile(self, delays: Array, solved: _Solved) -> DelayProfile:
+        """Profile of the loss over delays (M,) [s], from least squares at them."""
         best, rests, variance, scale = solved.best, solved.rests, solved.variance, solved.scale
         whole = (self.rows * scale[:, None]).reshape(-1, self.rows.shape[2])
         basis = orthonormal(whole)
@@ -344,148 +363,3 @@ def _interval(x: Array, y: Array, limit: float) -> tuple[float, float]:
         share = (level - root[i]) / (root[j] - root[i])
         ends.append(float(x[i] + share * (x[j] - x[i])))
     return ends[0], ends[1]
-
-
-DRY, MEMORY, ALONG = COULOMB.name, DAHL.name, POSITION.name
-STROKES = tuple(5e-4 * 2.0 ** (k / 2) for k in range(7))
-"""Strokes z_c that are tried [rad, m]; a parabola resolves fractions of their steps."""
-DELAY_STEP_S = 0.005  # step of the delays that are tried [s]
-FOLDS = 5
-LEAST_GAIN = 0.1
-"""Share by which further columns have to lower the mean square error (geometric mean of joints)."""
-_RANK = 1e-10  # eigenvalue of a Gram matrix of unit columns, over the largest, below which it is 0
-
-
-@dataclass(frozen=True, slots=True)
-class _Trial:
-    """Rows on which further columns are tried."""
-
-    # those of the terms, then `position`, then `dahl` and `position` of each stroke, (N, n, k); of
-    # the joints that move
-    columns: Array
-    rest: Array  # torque less the rigid model of the URDF, at every delay, (M, N, n) [N·m, N]
-    count: int  # number of columns of the terms
-    place: int  # of `coulomb` among them
-
-    def losses(self, memory: int | None, position: bool) -> Array:
-        """Mean of ln s_j² over the joints, of every delay, (M,), with the stroke of an index."""
-        chosen = list(range(self.count))
-        if memory is not None:
-            chosen[self.place] = self.count + 1 + 2 * memory
-        if position:
-            chosen.append(self.count if memory is None else self.count + 2 + 2 * memory)
-        errors = _errors(self.columns[:, :, chosen], self.rest)
-        return np.asarray(np.log(np.maximum(errors, np.finfo(float).tiny)).mean(axis=1))
-
-
-def _trial(whole: Recording, lib: Library, terms: Friction, late: bool) -> _Trial | None:
-    """At most `ROWS` rows of a prepared recording; None for too few, or without motion."""
-    samples, t = samples_of(whole, lib), whole.t
-    delays: Array = np.zeros(1)
-    if late:
-        first, last = round(-LATEST_S / DELAY_STEP_S), round(EARLIEST_S / DELAY_STEP_S)
-        delays = np.asarray(DELAY_STEP_S * np.arange(first, last + 1))
-    rows = np.flatnonzero((t + delays[0] >= t[0]) & (t + delays[-1] <= t[-1]))
-    if len(rows) < FEWEST_ROWS:
-        return None
-    rows = rows[:: -(-len(rows) // ROWS)]
-    samples = samples.rows(rows)
-    count, place = len(terms.columns), terms.columns.index(DRY)
-    moving = samples.columns[:, :, place].any(axis=0)  # by dq, without which there is no sign of it
-    if not moving.any():
-        return None
-    model, torques = samples.rigid(lib, lib.pi0), whole.required("tau").T
-    rest = np.array(
-        [
-            np.stack([np.interp(t[rows] + d, t, row) for row in torques], axis=1) - model
-            for d in delays
-        ]
-    )
-    return _Trial(samples.columns[:, moving], rest[:, :, moving], count, place)
-
-
-def with_dry_friction(
-    logs: Sequence[tuple[Recording, Preparation]], lib: Library, terms: Friction, late: bool
-) -> tuple[Friction, str]:
-    """Friction terms of commanded torques for which no command names any, common to the logs."""
-    if DRY not in terms.columns:
-        return terms, ""
-    trials = list[_Trial]()
-    for recording, preparation in logs:
-        known = None if late else preparation.torque_delay_s
-        usual = replace(filtered(recording, preparation), torque_delay_s=known)
-        more = replace(terms, columns=(*terms.columns, ALONG))
-        others = [Friction((MEMORY, ALONG), dahl_stroke=stroke) for stroke in STROKES]
-        trial = _trial(prepare(recording, usual, more, *others, lib=lib), lib, terms, late)
-        if trial is not None:
-            trials.append(trial)
-    if not trials:
-        return terms, ""
-    # Simplest first: a further column has to pay at the delays that the simplest model has.
-    simplest = [trial.losses(None, False) for trial in trials]
-    at = [int(loss.argmin()) for loss in simplest]
-    share = np.array([len(trial.columns) for trial in trials], dtype=float)
-    share /= share.sum()
-
-    def loss_at(losses: Sequence[Array], places: Sequence[int]) -> float:
-        return float(sum(w * loss[k] for w, loss, k in zip(share, losses, places, strict=True)))
-
-    no_memory = [trial.losses(None, True) for trial in trials]
-    memory = {
-        each: [[trial.losses(k, each) for trial in trials] for k in range(len(STROKES))]
-        for each in (False, True)
-    }
-    candidates = [
-        (loss_at(simplest, at), False, False),
-        (loss_at(no_memory, at), False, True),
-        *((min(loss_at(loss, at) for loss in memory[each]), True, each) for each in (False, True)),
-    ]
-    enough = min(loss for loss, *_ in candidates) - np.log(1 - LEAST_GAIN)
-    least, has_memory, has_position = next(each for each in candidates if each[0] <= enough)
-    if not has_memory and not has_position:
-        return terms, ""
-    chosen, stroke = terms, None
-    if has_memory:  # its stroke and the delays that are best with it
-        best = [
-            loss_at(losses, [int(loss.argmin()) for loss in losses])
-            for losses in memory[has_position]
-        ]
-        least, stroke = min(best), float(f"{minimum_on_grid(STROKES, best):.3g}")
-        names = tuple(MEMORY if name == DRY else name for name in terms.columns)
-        chosen = replace(terms, columns=names, dahl_stroke=stroke)
-    if has_position:
-        chosen = replace(chosen, columns=(*chosen.columns, ALONG))
-    fall = 100 * (1 - np.exp((least - candidates[0][0]) / 2))
-    kinds = [f"has a memory of {stroke:.2g} rad of travel (column dahl)"] if stroke else []
-    kinds += ["changes with the position (column position)"] * has_position
-    return chosen, (
-        f"dry friction {' and '.join(kinds)}: the error of cross-validation falls by "
-        f"{significant(fall)} %; --friction {','.join(terms.columns)} leaves it out"
-    )
-
-
-def _errors(columns: Array, rest: Array) -> Array:
-    """Sums of squares of what the other blocks predict of each block."""
-    lengths = np.linalg.norm(columns, axis=0)
-    x = np.moveaxis(columns / np.where(lengths > 0, lengths, 1.0), 0, 1)  # (n, N, k)
-    y = np.moveaxis(rest, 0, 2).swapaxes(0, 1)  # (n, N, M)
-    edges = np.linspace(0, x.shape[1], FOLDS + 1).astype(int)
-    blocks = [slice(*pair) for pair in pairwise(edges)]
-    gram = np.array([x[:, b].swapaxes(1, 2) @ x[:, b] for b in blocks])
-    cross = np.array([x[:, b].swapaxes(1, 2) @ y[:, b] for b in blocks])
-    phi = np.linalg.pinv(gram.sum(axis=0) - gram, rcond=_RANK, hermitian=True) @ (
-        cross.sum(axis=0) - cross
-    )
-    left = [np.sum((y[:, b] - x[:, b] @ p) ** 2, axis=1) for b, p in zip(blocks, phi, strict=True)]
-    return np.asarray(np.sum(left, axis=0).T)
-
-
-def minimum_on_grid(places: Sequence[float] | Array, losses: Sequence[float] | Array) -> float:
-    """Vertex of the parabola over ln x through the smallest loss and its neighbours."""
-    best = int(np.argmin(losses))
-    if not 0 < best < len(losses) - 1:
-        return float(places[best])
-    low, middle, high = (float(loss) for loss in losses[best - 1 : best + 2])
-    bend = low - 2 * middle + high
-    shift = 0.5 * (low - high) / bend if bend > 0 else 0.0
-    return float(places[best] * np.exp(shift * np.log(places[best + 1] / places[best])))

@@ -83,12 +83,14 @@ class Samples:
         return replace(self, **changed)
 
     def weighted(self, weights: Array) -> "Samples":
-        """Rows, columns and torque times √w, weights (N,)."""
+        """Rows, columns and torque times √w, weights (N,) or (N, m)."""
         root = np.sqrt(weights)
-        of_rows = ("tau", "columns", "base")
-        return self.mapped(
-            lambda key, x: x * root.reshape(-1, *(1,) * (x.ndim - 1)) if key in of_rows else x
-        )
+
+        def scaled(key: str, x: Array) -> Array:
+            of_rows = key in {"tau", "columns", "base"}
+            return x * root.reshape(*root.shape, *(1,) * (x.ndim - root.ndim)) if of_rows else x
+
+        return self.mapped(scaled)
 
     @staticmethod
     def joined(parts: Sequence["Samples"]) -> "Samples":

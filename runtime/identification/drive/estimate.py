@@ -19,10 +19,15 @@ from runtime.estimators.methods import chosen_method
 from runtime.estimators.regression.factor import reduce
 from runtime.estimators.regression.recorded_delay import (
     LATEST_S,
+    TURNED,
     delay_of_log,
+    reversal_excess,
     sign_of_delay,
+    sliding,
     with_delay,
 )
+from runtime.estimators.regression.samples import samples_of
+from runtime.estimators.robust import explicit
 from runtime.identification.drive.feedback import (
     FEEDBACK,
     LinearisedDrive,
@@ -40,11 +45,16 @@ from runtime.recording.commanded_torque import without_ends
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction.coupled_motors import geared
 from runtime.recording.recipes.recipe import COMMANDED
+from runtime.recording.settings import COLUMNS
 
 PASSES = 6  # largest number of Gauss–Newton passes
 DONE = 0.1  # step over standard deviation below which the passes end
 MOST_STEP = (0.02, 0.05)  # largest step of one pass: of a delay [s], of a bias [rad, m]
 THINNED = 10.0  # rate of the rows over the cut-off at which the first passes are made
+SLIDES = (
+    "the delay is that of the rows in which the joints slide: near their reversals friction turns "
+    "round in another way than its columns, which looks like a delay"
+)
 NO_BIAS = (
     "encoder biases were not estimated, which need accelerations; use --settings "
     "regressor=acceleration"
@@ -63,7 +73,9 @@ class DriveProblem:
     preparation: Preparation  # of the rows; its delay is replaced
     given: Array  # delay where it is not estimated, (1,) or (n,) [s]
     progress: Progress = SILENT  # shown the iterations
-    delay_sigma: float | None = None  # of the delay by the profile of a measured torque [s]
+    # of the first of x, by other rows: of the delay by the profile of a measured torque [s]
+    sigma: Array | None = None
+    slides: bool = False  # whether rows near the reversals of a joint are left out
 
     def rough(self, preparation: Preparation | None = None) -> "DriveProblem":
         """The same without certificates and progress."""
@@ -128,14 +140,18 @@ def identification_at(
     moved = recording.replace(q=recording.q + bias) if bias.any() else recording
     preparation = with_delay(recording, problem.preparation, delay)
     usual = replace(problem.settings, preparation=preparation)
-    if removed is None:
+    if removed is None and not problem.slides:
         return identify_recording(moved, problem.lib, usual, progress=progress)
     assembly = assemble(moved, problem.lib, usual, progress=progress, is_joined=True)
-    train, (t, torque) = assembly.parts[0], removed
-    c = np.stack([np.interp(train.t, t, row) for row in torque.T], axis=1)
-    fitted = assembly.problem.train
-    less = replace(assembly.problem, train=replace(fitted, tau=fitted.tau - c))
-    train = train.replace(tau=train.required("tau") - c).noted(FEEDBACK)
+    train, fitted = assembly.parts[0], assembly.problem.train
+    if removed is not None:
+        t, torque = removed
+        c = np.stack([np.interp(train.t, t, row) for row in torque.T], axis=1)
+        fitted = replace(fitted, tau=fitted.tau - c)
+        train = train.replace(tau=train.required("tau") - c).noted(FEEDBACK)
+    if problem.slides:
+        fitted = explicit(problem.lib, fitted).weighted(sliding(fitted.dq, train.rate_hz))
+    less = replace(assembly.problem, train=fitted)
     return identify_assembled(
         replace(assembly, problem=less, parts=(train, *assembly.parts[1:])), usual
     )
@@ -145,7 +161,7 @@ def linearised_at(
     problem: DriveProblem, result: Identification, x: Array, rough: bool = False
 ) -> LinearisedDrive:
     """The step to the minimum of the linearised problem."""
-    settings = problem.settings
+    settings, train = problem.settings, result.train
     known = known_friction(result.lib, settings, result.friction.columns, result.friction)
     return linearised(
         result,
@@ -154,7 +170,8 @@ def linearised_at(
         kappa=settings.prior.kappa if settings.prior and settings.prior.kappa else CAD,
         phi_prior=None if known is None else known.sigma,
         rough=rough,
-        delay_sigma=problem.delay_sigma,
+        known_sigma=problem.sigma,
+        used=sliding(train.required("dq"), train.rate_hz) if problem.slides else 1.0,
     )
 
 
@@ -199,6 +216,8 @@ def identify_drive(
             f"the log does not determine a delay: {unknown}; record a faster motion, or give "
             "torque_delay_s under [preparation]",
         )
+    if problem.slides:
+        notes += (SLIDES,)
     if unknown or not request.delay:
         problem = replace(problem, request=replace(request, delay=False))
         x, _ = newton_passes(problem, np.zeros(len(problem.most_step)))
@@ -223,25 +242,40 @@ def _with_delay(problem: DriveProblem, terms: Friction) -> tuple[DriveProblem, A
     if by_profile:
         biased = replace(problem, request=replace(request, delay=False), given=x[:count])
         x[count:], _ = newton_passes(biased, x[count:])
-        return replace(problem, delay_sigma=first.sigma), x, ""
+        return replace(problem, sigma=np.array([first.sigma])), x, ""
     x, sigma = newton_passes(problem, x)
+    if not terms.gear and _turns_otherwise(identification_at(problem.rough(), x)):
+        problem = replace(problem, slides=True)
+        x, sigma = newton_passes(problem, x)
     if np.all(sigma[:count] < MOST_SIGMA) and np.all(np.abs(x[:count]) < LATEST_S):
         return problem, x, ""
     return problem, x, f"its standard deviation is {1e3 * np.max(sigma[:count]):.0f} ms"
 
 
+def _turns_otherwise(result: Identification) -> bool:
+    """Whether dry friction turns round in another way than its columns."""
+    names, samples = result.friction.columns, samples_of(result.train, result.lib)
+    if not any(name in COLUMNS and COLUMNS[name].model_term == "friction" for name in names):
+        return False
+    rest = samples.tau - result.predict_samples(samples)
+    return reversal_excess(rest, sliding(samples.dq, result.train.rate_hz)) > TURNED
+
+
 def _certified(problem: DriveProblem, x: Array) -> Identification:
     """The identification next to x, without the bias by feedback, with its certificates."""
-    request = problem.request
-    result = identification_at(problem, x)
+    request, whole = problem.request, replace(problem, slides=False)
+    result, removed = identification_at(whole, x), None
     c = feedback_torque(result, problem.split(x)[0], request)
     if c is not None:
         removed = (result.train.t, c)
         rough = identification_at(problem.rough(), x, removed)
         most = problem.most_step
         x = x + np.clip(linearised_at(problem, rough, x).step, -most, most)
-        result = identification_at(problem, x, removed)
-    step = linearised_at(problem, result, x)
+        result = identification_at(whole, x, removed)
+    if problem.slides:
+        rough = identification_at(problem.rough(), x, removed)
+        whole = replace(whole, sigma=linearised_at(problem, rough, x).sigma)
+    step = linearised_at(whole, result, x)
     delay, bias = problem.split(x)
     delays = len(delay) if request.delay else 0
     empty = np.full(problem.lib.n_joints, np.nan)

@@ -110,30 +110,32 @@ def linearised(
     kappa: float,
     phi_prior: Array | None = None,
     rough: bool = False,
-    delay_sigma: float | None = None,
+    known_sigma: Array | None = None,
+    used: Array | float = 1.0,
 ) -> LinearisedDrive:
     """Newton step of delay and biases, and the standard deviations of all unknowns.
 
-    bias (n,) [rad, m], phi_prior (n, k), delay_sigma of a delay of the log that is known [s].
+    bias (n,) [rad, m], phi_prior (n, k); known_sigma of the first of x by other rows than these;
+    used (N, n) is 0 in rows that the result leaves out.
     """
     samples = samples_of(result.train, result.lib)
     lib, pi, phi = result.lib, result.pi, result.phi
     n, k, n_base = lib.n_joints, phi.shape[1], len(lib.base_matrix)
-    scale = np.sqrt(result.weights)
+    scale = np.sqrt(result.weights) * np.broadcast_to(used, samples.tau.shape)
     rest = (samples.tau - samples.rigid(lib, pi) - samples.friction(phi)) * scale
     further = np.zeros((*samples.tau.shape, 0))
     if request.delay:
         further = -torque_rate(result, samples, request.per_joint)
     if request.bias:
         further = np.concatenate([further, bias_columns(lib, samples, pi)], axis=2)
-    further = further * scale[:, None]
+    further = further * scale[:, :, None]
     # The gradient in π and φ vanishes at the most probable model: d and b alone drive the step.
     pull = np.einsum("ijk,ij->k", further, rest)
     taken = _taken(len(samples), rough)
     part = samples.rows(taken)
-    rows = np.concatenate([part.base_rows(lib), part.friction_rows()], axis=2) * scale[:, None]
+    rest, scale = rest[taken], scale[taken]
+    rows = np.concatenate([part.base_rows(lib), part.friction_rows()], axis=2) * scale[:, :, None]
     rows = np.concatenate([rows, further[taken]], axis=2)
-    rest = rest[taken]
     # One orthogonal factorisation gives the information and the basis for the noise.
     triangle = triangle_of_joints(rows)
     slope = rows.reshape(-1, rows.shape[2]).T @ rest.ravel()
@@ -167,8 +169,8 @@ def linearised(
         basis, left = rows.reshape(rest.size, -1) @ known.root, left.ravel()
         fit = FreeFit(part, scale, known.root, basis, rest.ravel() - left, left, ())
         wider = _widening(result, fit, known.root[-wider.size :], density)
-    if delay_sigma is not None and request.delay:
-        wider[0] = delay_sigma / sigma[first]
+    if known_sigma is not None and request.delay:
+        wider[: len(known_sigma)] = known_sigma / sigma[first : first + len(known_sigma)]
     moved = moved * wider[:, None]
     return LinearisedDrive(
         step=posterior.step(slope)[first:],

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from runtime.estimators.choice.dry_friction import with_dry_friction
 from runtime.estimators.regression.posterior import least_squares
 from runtime.estimators.regression.recorded_delay import (
     DelayProfile,
     filtered,
     recorded_delay,
     stated_delay,
-    with_dry_friction,
 )
 from runtime.estimators.regression.samples import NORMAL_95, Samples, samples_of
 from runtime.inspection.finding import INFO, WARNING, Finding

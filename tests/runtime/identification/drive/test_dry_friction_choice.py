@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime.estimators.regression.recorded_delay import _trial
+from runtime.estimators.choice.dry_friction import _trial
 from runtime.identification.identified import Identification
 from runtime.identification.identify import identify
 from runtime.identification.posterior_file import friction_sigma

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from runtime.estimators.regression.recorded_delay import minimum_on_grid
+from runtime.estimators.choice.dry_friction import minimum_on_grid
 
 PLACES = 0.01 * 2.0 ** np.arange(6)
 

@@ -282,7 +282,7 @@ def identify_command(given: IdentifySettings) -> None:
 OF_WALK = (
     *("logs", "robot", "yes", "rows", "cutoff", "split", "prior", "out", "overwrite", "report"),
     *("friction", "coulomb_speed", "delay", "method", "preset", "symmetric", "tie", "robust"),
-    *("save_statistics", "friction_prior"),
+    *("save_statistics", "friction_prior", "refit"),
 )
 """Parameters of the command that apply to a robot with a free base."""
 

@@ -201,7 +201,7 @@ def _predict_walk(lib: Library, given: PredictSettings) -> None:
         print(json_text(known | facts_of_steps(steps)), end="")
         return
     say(
-        f"{log.name}: {result.evidence.seconds:.3g} s train, friction columns: "
+        f"{log.name}: {result.evidence.seconds:.3g} s are fitted, friction columns: "
         f"{', '.join(columns) or 'none'}; σ contain offsets of the contact sensors"
     )
     show(base_table(now, lib))

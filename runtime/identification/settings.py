@@ -68,8 +68,8 @@ class Settings:
             gap is then NaN.
         refit: after the fit to the training part, whose errors are reported, fit again to all rows
             of the recording. Parameters and uncertainty are those of the second fit. Without
-            effect where a separate test recording is given, of a robot with a free base, and for
-            methods that stop by the validation part or simulate the robot.
+            effect where a separate test recording is given, and for methods that stop by the
+            validation part or simulate the robot.
         robust: Huber weights on blocks of training rows, for the methods that train on all rows
             of joints; the notes of the result name the rows that count less.
         friction_prior: prior of the friction coefficients, for "map", in place of that in `prior`.

@@ -253,13 +253,11 @@ def _refitted(
 ) -> Identification:
     """The result of `trained` rows with the parameters of a fit to all rows."""
     fit = fitted(whole.problem)
-    if fit.status == Status.INTERRUPTED.value:
-        note = "the fit to all rows was interrupted: parameters are those of the training rows"
+    is_complete = fit.status != Status.INTERRUPTED.value
+    rows = rows_of(whole.problem, fit)
+    note = refit_note(rows, trained, "errors, loss and gap", is_complete)
+    if not is_complete:
         return replace(result, notes=(*result.notes, note))
-    note = (
-        f"parameters and intervals are fitted to all {rows_of(whole.problem, fit)} rows; errors, "
-        f"loss and gap are those of the fit to the {trained} training rows alone"
-    )
     posterior = None
     if result.uncertainty:
         # Errors of the friction model grow with the rows as a contradiction does: the margin of the
@@ -275,6 +273,16 @@ def _refitted(
         uncertainty=posterior,
         notes=(*result.notes, note),
         trained=TrainedModel(result.pi, result.phi),
+    )
+
+
+def refit_note(rows: int, trained: int, figures: str, is_complete: bool) -> str:
+    """Sentence on a fit to all rows, and on figures of the fit to the training rows."""
+    if not is_complete:
+        return "the fit to all rows was interrupted: parameters are those of the training rows"
+    return (
+        f"parameters and intervals are fitted to all {rows} rows; {figures} are those of the fit "
+        f"to the {trained} training rows alone"
     )
 
 

@@ -152,7 +152,7 @@ def walking(data: Path, folder: Path) -> Sheet:
     recording = free_base_of(arrays, "walking.npz")
 
     def identified(read: FreeBaseRecording, cutoff: float = DRIVER_HZ) -> FreeBaseIdentification:
-        settings = Settings(rows="base", cutoff=cutoff, split=HALF)
+        settings = Settings(rows="base", cutoff=cutoff, split=HALF, refit=False)
         return identify_free_base([read], lib, settings, trim_s=TRIM_S)
 
     result = identified(recording)
@@ -187,7 +187,7 @@ def _predicted(
     """Errors on the second half, behind another low-pass; ΣF_z as measured and by the URDF."""
     motion = motion_of(recording, result.lib.joint_names, cutoff_hz)
     second = (motion.t >= (motion.t[0] + motion.t[-1]) / 2) & (motion.t <= motion.t[-1] - TRIM_S)
-    phi = np.array([[each.value for each in result.record.sensors.values()]])
+    phi = np.array([each.value for each in result.record.sensors.values()])
     rows = motion.rows(np.flatnonzero(second))
     vertical = drives.vertical_force(result.lib, rows, result.pi, phi)
     measured = drives.measured_vertical(result.lib, rows)

@@ -362,7 +362,7 @@ TOTAL_MASS = "total mass"  # name of the mass of a robot with a free base
 
 
 def expected_of_walk(result: FreeBaseIdentification, seconds: float = 0.0) -> Expected:
-    """σ of the training part of a walk, and of some seconds of the same motion after it.
+    """σ of the rows of a walk that were fitted, and of some seconds of the same motion after it.
 
     More of the same motion adds rows in proportion to time, while offsets of sensors stay constant,
     so that their share of σ stays, too.

@@ -87,7 +87,7 @@ def vertical_force(
     measured = measured_vertical(lib, motion)
     if measured is None or not measured.any():
         return None
-    by_sensors, mean = (reading_errors(lib, motion) @ phi[0]).sum(axis=1), float(measured.mean())
+    by_sensors, mean = (reading_errors(lib, motion) @ phi).sum(axis=1), float(measured.mean())
     before = needed_vertical(lib, motion, lib.pi0) - measured
     after = needed_vertical(lib, motion, pi) + by_sensors - measured
     percent = (100 * float(rms(each)) / abs(mean) for each in (before, after))
@@ -113,16 +113,18 @@ def noise_of(
     sensors: FrictionPrior | None,
     cutoff_hz: float | None,
     seconds: float,
+    are_few: bool,
 ) -> RowNoise | None:
     """Noise by the residual of the URDF, where fewer rows are independent than there are unknowns.
 
-    A low-pass of f leaves 2 f T independent values of T seconds (Nyquist).
+    A low-pass of f leaves 2 f T independent values of T seconds (Nyquist). Rows of which the
+    training rows are such `are_few`, too.
     """
     samples = trained.samples
     count = float(len(samples))
     if cutoff_hz is not None:
         count = min(count, max(1.0, 2 * cutoff_hz * seconds))
-    if count * samples.equations >= len(lib.base_columns):
+    if not are_few and count * samples.equations >= len(lib.base_columns):
         return None
     rest = samples.rigid(lib, lib.pi0) - samples.tau
     least = SILENT * rms(samples.tau).max()

@@ -15,6 +15,7 @@ from runtime.errors import IdentificationError
 from runtime.estimators.convex.entropic_prior import CAD
 from runtime.estimators.friction_bounds import OF
 from runtime.estimators.methods import METHODS, Method, chosen_method, fit_by
+from runtime.estimators.optimizers import Status
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import Fit, FrictionPrior, Problem
 from runtime.estimators.robust import robust_problem
@@ -52,11 +53,13 @@ from runtime.identification.result_record import (
     MirroredPair,
     RecordingPart,
     SessionsPart,
+    TrainedPart,
     error_parts,
     plain,
 )
 from runtime.identification.settings import Settings, cutoff_of
 from runtime.identification.several_logs import agreement_of
+from runtime.identification.single_log import refit_note
 from runtime.library import Array, Integers, Library
 from runtime.library.manifest import file_units
 from runtime.recording import Friction, Preparation
@@ -86,16 +89,22 @@ def identify_free_base(
     require_settings(settings, method, logs)
     data = prepared_walk(logs, lib, settings, trim_s)
 
-    def fit_of(instants: Integers) -> WalkFit:
-        return _fitted(lib, data, instants, settings, method)
+    def fit_of(instants: Integers, are_few: bool = False) -> WalkFit:
+        return _fitted(lib, data, instants, settings, method, are_few)
 
-    trained = fit_of(data.parts[0])
-    fit, evidence, drives = trained.fit, trained.evidence, data.drives
+    trained = final = fit_of(data.parts[0])
+    said = list[str]()
+    if settings.refit and trained.is_complete:
+        whole = fit_of(data.instants, trained.noise is not None)
+        final = whole if whole.is_complete else trained
+        rows, of_train = len(data.instants), len(data.parts[0])
+        said = [refit_note(rows, of_train, "errors", whole.is_complete)]
+    fit, evidence, drives = final.fit, final.evidence, data.drives
     places, root = evidence.of_drives, evidence.phi_root
-    notes = [*trained.notes, *notes_on(lib, logs, data, trained.rows, trained.noise)]
+    notes = [*final.notes, *notes_on(lib, logs, data, trained.rows, trained.noise), *said]
     mirrored: tuple[MirroredPair, ...] = ()
     if pairs:
-        mirrored, of_sides = _sides(lib, data, trained, root, pairs)
+        mirrored, of_sides = _sides(lib, data, final, root, pairs)
         notes = [*of_sides, *notes]
     sessions = None
     if len(logs) > 1:
@@ -108,7 +117,7 @@ def identify_free_base(
     errors = [metrics.torque_error(measured, each) for each in (before, after)]
     percent, sizes = error_parts(*errors)
     deviations = np.linalg.norm(root, axis=1)
-    sensors = dict(zip(data.sensors, trained.phi[: places.start].tolist(), strict=True))
+    sensors = dict(zip(data.sensors, final.phi[: places.start].tolist(), strict=True))
     of_rows = dict(zip(lib.row_names, [*["N"] * 3, *["N*m"] * 3, *file_units(lib.manifest)],
                        strict=True))  # fmt: skip
     cutoff_hz = cutoff_of(settings.cutoff)
@@ -116,7 +125,7 @@ def identify_free_base(
     if cutoff_hz is not None:
         preparation = Preparation(filter="butterworth", cutoff_hz=cutoff_hz)
     terms = Friction(()) if drives is None else drives.terms
-    phi, spread = (x[places].reshape(lib.n_joints, -1) for x in (trained.phi, deviations))
+    phi, spread = (x[places].reshape(lib.n_joints, -1) for x in (final.phi, deviations))
     is_commanded = logs[0].is_commanded
     is_late = is_commanded or settings.delay is not None
     record = record_about(
@@ -158,7 +167,7 @@ def identify_free_base(
         error_rows=names,
         error_units=tuple(of_rows.get(name, "") for name in names),
         total_mass=total_mass(evidence),
-        vertical_force=vertical_force(lib, test, fit.pi, fit.phi[:, : places.start]),
+        vertical_force=vertical_force(lib, test, trained.fit.pi, trained.phi[: places.start]),
         sensors={
             name: Coefficient(value=value, sigma=plain(sigma))
             for (name, value), sigma in zip(
@@ -167,6 +176,12 @@ def identify_free_base(
         }
         or None,
         sessions=sessions,
+        trained=None
+        if final is trained
+        else TrainedPart(
+            pi=plain(trained.fit.pi),
+            friction_values=plain(trained.phi[places].reshape(lib.n_joints, -1)),
+        ),
     )
     return FreeBaseIdentification(
         *(record, fit.pi, terms, phi, preparation),
@@ -188,6 +203,11 @@ class WalkFit:
     notes: tuple[str, ...]
 
     @property
+    def is_complete(self) -> bool:
+        """Whether nobody interrupted it."""
+        return self.fit.status != Status.INTERRUPTED.value
+
+    @property
     def phi(self) -> Array:
         """Coefficients of sensors, drives and delay, (K,)."""
         return np.asarray(self.fit.phi[0])
@@ -201,7 +221,12 @@ class WalkFit:
 
 
 def _fitted(
-    lib: Library, data: PreparedWalk, instants: Integers, settings: Settings, method: Method
+    lib: Library,
+    data: PreparedWalk,
+    instants: Integers,
+    settings: Settings,
+    method: Method,
+    are_few: bool,
 ) -> WalkFit:
     """Fit of some instants; errors of sensors have a prior, tied drives one of a fit before."""
     motion, drives = data.motion.rows(instants), data.drives
@@ -214,7 +239,7 @@ def _fitted(
     columns = tuple(f"error{OF}{name}" for name in sensors)
     weights, names = np.ones(len(samples)), tuple[str, ...]()
     if drives is None:
-        noise = noise_of(lib, rows, sensed, cutoff_of(settings.cutoff), seconds)
+        noise = noise_of(lib, rows, sensed, cutoff_of(settings.cutoff), seconds, are_few)
         floor = None if noise is None else noise.floor
         if noise is not None:
             weights = noise.weights
@@ -251,8 +276,7 @@ def _agreement(
     fit_of: Callable[[Integers], WalkFit],
 ) -> tuple[SessionsPart, tuple[str, ...]]:
     """Comparison of the logs by all of their instants."""
-    every = np.sort(np.concatenate(data.parts))
-    instants = [np.intersect1d(every, of_log) for _, of_log in data.motion.each()]
+    instants = [np.intersect1d(data.instants, of_log) for _, of_log in data.motion.each()]
     rows = [data.rows_of(lib, data.motion.rows(some)) for some in instants]
 
     def predicted(walk: WalkFit | None, k: int) -> Array:

@@ -84,6 +84,11 @@ class PreparedWalk:
         """σ of the errors of sensors, whose coefficients are first."""
         return dict(sensor_errors(self.motion.contacts, self.motion.logs))
 
+    @property
+    def instants(self) -> Integers:
+        """Instants of all parts."""
+        return np.sort(np.concatenate(self.parts))
+
     def rows_of(self, lib: Library, motion: FreeBaseMotion) -> FreeBaseRows:
         """Equations of some instants."""
         return rows_of(lib, motion, self.rows, self.drives)

@@ -50,7 +50,7 @@ def error_of_urdf(lib: Library, arrays: Arrays) -> float:
     """RMS error of ΣF_z [N] 0.5 s from either end, behind all transients."""
     motion = motion_of(free_base_of(arrays, "log"), lib.joint_names)
     inner = motion.rows(np.arange(50, len(motion) - 50))
-    found = vertical_force(lib, inner, lib.pi0, np.zeros((1, 0)))
+    found = vertical_force(lib, inner, lib.pi0, np.zeros(0))
     assert found is not None
     return found.before_percent * found.mean / 100
 

@@ -186,7 +186,7 @@ def test_unknown_rows_and_split(
         done = command(*words, "--split", wrong)
         assert (done.code, "--split needs" in done.err) == (2, True)
     refused = ("encoder_bias=true", "stream=true", "regressor=momentum", "gain_sigma=0.1")
-    for setting in (*refused, "refit=false", "seed=1"):
+    for setting in (*refused, "seed=1"):
         done = command(*words, "--overwrite", "--settings", setting)
         assert done.code == 2
         assert (

@@ -70,6 +70,29 @@ def test_one_walk_twice_is_one_walk(hopper: Library, noisy: Arrays, rows: str) -
     assert twice.record.torque_rms.after == pytest.approx(once.record.torque_rms.after, rel=1e-6)
 
 
+@pytest.mark.parametrize("rows", ["all", "base", "joints"])
+def test_two_halves_are_one_walk(hopper: Library, noisy: Arrays, rows: str) -> None:
+    """Oracle: motion that is stated has the same rows in both, and so the same parameters."""
+    whole, two = (
+        identify(each, hopper, rows=rows) for each in (free_base_of(noisy, "walk"), halves(noisy))
+    )
+    # Rounding of two orders of compression times the condition number.
+    np.testing.assert_allclose(two.record.beta, whole.record.beta, rtol=0, atol=1e-9)
+    assert two.record.trained.pi != whole.record.trained.pi
+
+
+def test_parameters_come_from_all_rows(hopper: Library, noisy: Arrays) -> None:
+    """Property: errors are those of the training rows, parameters those of all rows."""
+    walk = free_base_of(noisy, "walk")
+    last, first = (identify(walk, hopper, refit=refit).record for refit in (True, False))
+    assert first.trained is None
+    assert last.trained.pi == first.pi
+    assert last.torque_rms == first.torque_rms
+    assert last.vertical_force == first.vertical_force
+    assert any("fitted to all 600 rows; errors are" in note for note in last.warnings)
+    assert last.uncertainty.n_eff > 1.3 * first.uncertainty.n_eff
+
+
 def test_intervals_shrink_and_hold_the_mass(
     hopper: Library, log: VirtualLog, noisy: Arrays
 ) -> None:

@@ -3,7 +3,8 @@
     δπ_load = −C Σ Y_kᵀ W A δ,   C = (Σ Y_kᵀ W Y_k)⁻¹
 
 with the offsets taken out of both Y. For an identified arm A = [Y_b, F], and δ(β, φ) has the
-covariance of its posterior and the usual change of friction from day to day. For others A = Y and
+covariance of its posterior and the usual change of friction from day to day; where the residual is
+far from both, every direction of δ that it shows is as large as it shows. For others A = Y and
 δ ~ N(0, s² R Rᵀ), with R Rᵀ the spread of the inertial prior, 25 % of every direction, and s ≤ 1
 the scale of it that the residual supports: an arm that fits to a percent is not 25 % off. Against
 an empty run of the same motion the errors of the arm cancel.
@@ -121,10 +122,11 @@ def _root(posterior: SavedPosterior, lib: Library, phi: Array) -> Array:
 def posterior_covariance(
     lib: Library, root: Array, samples: Samples, columns: Array, errors: Array, noise: Array,
     shape: Array, density: float,
-) -> Array | None:  # fmt: skip
-    """Covariance of a payload's π by the posterior of the arm; None where the arm is another one.
+) -> tuple[Array, bool]:  # fmt: skip
+    """Covariance of a payload's π by the posterior of the arm, and whether it expects the residual.
 
-    errors (N, n) have the noise (n,) times the root of the density; shape is C, (10, 10).
+    errors (N, n) have the noise (n,) times the root of the density; shape is C, (10, 10). Errors
+    of the arm that it does not expect are as large as the residual along each of them.
     """
 
     def columns_of(part: slice) -> Array:
@@ -135,10 +137,11 @@ def posterior_covariance(
     power, axes = np.linalg.eigh(root.T @ left @ root)
     seen = power > _RANK * max(float(power[-1]), 1e-300)
     along = (axes[:, seen].T @ (root.T @ slope)) ** 2
-    if np.mean(along / power[seen] / (power[seen] + density)) > UNEXPECTED:
-        return None
-    moved = shape @ cross @ root
-    return np.asarray(moved @ moved.T)
+    excess = along / power[seen] / (power[seen] + density)
+    moved, is_expected = shape @ cross @ root @ axes, bool(np.mean(excess) <= UNEXPECTED)
+    if not is_expected:
+        moved[:, seen] *= np.sqrt(np.maximum(excess, 1.0))
+    return np.asarray(moved @ moved.T), is_expected
 
 
 def arm_covariance(

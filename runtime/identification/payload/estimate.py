@@ -94,7 +94,8 @@ _PRIOR_SHARE = 0.5  # σ of a value over σ of the prior, above which the prior 
 _CERTAIN = 3.0  # mass over its σ from which on there is a payload
 CHANGED = (
     "the residual is far from what the posterior of the arm expects: the arm has changed since it "
-    "was identified, or is another one; identify it again, or record a run without the payload"
+    "was identified, which the intervals contain, or is another one, which they do not; identify "
+    "it again, or record a run without the payload"
 )
 _MODEL_ERROR = 0.1  # residual over torque of the payload above which the arm dominates the error
 
@@ -165,11 +166,11 @@ def identify_payload(
                 f"the difference of the runs is that of a negative mass: '{empty.name}' carries "
                 f"the payload and '{recording.name}' none; exchange them"
             )
-    solution, repeated, gain_error, arm_used = _with_model_error(
+    solution, repeated, gain_error, is_expected = _with_model_error(
         solution, lib, model, run, samples, columns, is_alone=empty is not None, gains=gain_error
     )
-    payload = _payload(solution, mount, columns, arm_used, empty is not None, gain_error)
-    changed = () if (arm_used.root is None) == (model.root is None) else (CHANGED,)
+    payload = _payload(solution, mount, columns, model, empty is not None, gain_error)
+    changed = () if is_expected else (CHANGED,)
     notes = (*payload.notes, *changed, _moment_note(mount, solution))
     if repeated is None:
         return replace(payload, notes=notes)
@@ -213,22 +214,22 @@ def _with_model_error(
     *,
     is_alone: bool,
     gains: float,
-) -> tuple[_Solution, PostureDeviation | None, float, ArmModel]:
-    """Covariance with errors of the arm, of gains and of postures; these, σ of gains, and the arm.
+) -> tuple[_Solution, PostureDeviation | None, float, bool]:
+    """Covariance with errors of the arm, of gains and of postures; these, and σ of gains.
 
-    `is_alone`: the run without the payload is subtracted. The arm has no posterior where the
-    residual contradicts it.
+    `is_alone`: the run without the payload is subtracted. The last one is whether the posterior of
+    the arm expects the residual.
     """
     noise, extra, repeated = solution.covariance, np.zeros_like(solution.shape), None
+    is_expected = True
     weights = (solution.errors, solution.fitted, solution.shape, solution.density)
     if not (is_alone or model.is_exact):
-        known = None
-        if model.root is not None:
-            known = posterior_covariance(lib, model.root, samples, columns, *weights)
-        if known is None:
-            model = replace(model, root=None)
-        parts = (columns, solution.noise, solution.errors, solution.white)
-        extra = arm_covariance(lib, model, run, *parts) if known is None else known
+        if model.root is None:
+            parts = (columns, solution.noise, solution.errors, solution.white)
+            extra = arm_covariance(lib, model, run, *parts)
+        else:
+            known = model.root, samples, columns, *weights
+            extra, is_expected = posterior_covariance(lib, *known)
     # A model by the same sensors has their gains, and takes up what repeats: the rest is news.
     is_alone = is_alone or model.root is not None
     if is_alone:
@@ -243,7 +244,7 @@ def _with_model_error(
     if repeated is not None:
         noise = repeated.widened(noise)
     changed = replace(solution, covariance=noise + extra, white=solution.white + extra)
-    return changed, repeated, gains, model
+    return changed, repeated, gains, is_expected
 
 
 def _rows(

@@ -253,6 +253,29 @@ def test_an_identified_arm_counts_with_its_posterior_unless_it_has_changed(lib, 
     assert any("the arm has changed since it was identified" in note for note in changed.notes)
 
 
+def test_friction_of_another_day_widens_no_link(lib, pi_true, loaded):
+    """Property: with friction half as large again the intervals of 1 kg hold, far below a URDF's.
+
+    The posterior expects 5 %. Errors of the links that nothing contradicts stay as they are.
+    """
+    rng = np.random.default_rng(4)
+    runs = [
+        _noisy(
+            run, NOISE * rng.normal(size=run.tau.shape) + much * (run.dq + np.tanh(run.dq / 0.02))
+        )
+        for run, much in zip(loaded, (0.75, 0.5), strict=True)
+    ]
+    terms = Friction(("viscous", "coulomb"))
+    arm = arm_of_result(identify(runs[1], lib, friction=terms, refit=False))
+    found, wide = (
+        identify_payload(runs[0], lib, "fr3_link7", arm=each)
+        for each in (arm, replace(arm, root=None))
+    )
+    assert any("the arm has changed since it was identified" in note for note in found.notes)
+    assert np.all(np.abs(found.body.values - TRUTH)[:4] < 3 * found.body.sigma[:4])
+    assert found.body.sigma[0] < 0.3 * wide.body.sigma[0]
+
+
 def test_what_the_motion_does_not_show_is_reported(loaded, lib, arm):
     """Property: at rest gravity alone speaks: no inertia; without payload there is none."""
     rng = np.random.default_rng(2)

@@ -116,10 +116,13 @@ def hypotheses(lib: Library, changes: Changes, pi: Array) -> list[Hypothesis]:
     mass = BODY * max(float(pi.reshape(-1, 10)[:, 0].clip(0).sum()), 1e-3)
     body = mass * np.repeat([1.0, LEVER, LEVER**2], [1, 3, 6])
     first, links = body * np.eye(1, 10)[0], []
+    inner = {joint.parent for joint in lib.manifest.all_joints}
     for k, name in enumerate(lib.link_names):
-        # What carries tools: the tip, and the body of a robot that walks.
-        is_tip = k == len(lib.link_names) - 1 or (k == 0 and lib.manifest.floating)
-        links.append(np.vstack([np.zeros((named, 10)), base[:, link_columns(k)] * body]))
+        columns = base[:, link_columns(k)]
+        # What carries tools: the body of a robot that walks, and links that carry no other one,
+        # motors on the frame left out.
+        is_tip = (k == 0 and lib.manifest.floating) or (k not in inner and columns[:, :4].any())
+        links.append(np.vstack([np.zeros((named, 10)), columns * body]))
         group, prior = ("payload", 1.0) if is_tip else ("links", RARE)
         parts.append(Hypothesis(group, name, links[-1], first, "kg", prior))
     parts.append(Hypothesis("model", "", np.hstack(links), np.zeros(10 * len(links)), ""))

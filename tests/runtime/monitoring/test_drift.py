@@ -4,6 +4,7 @@ import dataclasses
 import json
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -293,6 +294,17 @@ def test_a_body_of_plausible_size_has_a_quarter_of_the_mass(
     moved = np.vstack([np.zeros((len(changes.names), 10)), lib.base_matrix @ pi])
     np.testing.assert_allclose(tool.moved, moved, rtol=1e-12, atol=1e-15)
     np.testing.assert_allclose(tool.size, mass * np.eye(1, 10)[0])
+
+
+def test_every_end_of_a_tree_carries_tools(robot: Callable[[str], Library]) -> None:
+    """Property: a payload may be at each link that carries no other one, not at the last alone."""
+    tree, none = robot("tree"), np.zeros(0, dtype=int)
+    nothing = SimpleNamespace(names=(), units=none, of=lambda *_: none)
+    parts = hypotheses(tree, nothing, tree.pi0)  # type: ignore[arg-type]
+    inner = {tree.link_names[joint.parent] for joint in tree.manifest.joints if joint.parent >= 0}
+    ends = [name for name in tree.link_names if name not in inner]
+    assert len(ends) > 1
+    assert [each.where for each in parts if each.group == "payload"] == ends
 
 
 def test_three_sensors_are_not_a_wrong_model(

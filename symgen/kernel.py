@@ -28,11 +28,9 @@ class Argument:
 
     name: str  # C name of the argument
     shape: tuple[int, ...]  # dimensions; the array is dense and row-major
-    # text such as "rad/s" or "rad|m"; "|" separates the units of revolute and prismatic joints
-    unit: str
+    unit: str  # such as "rad/s" or "rad|m", revolute and prismatic joints
     summed: bool = False  # True for an output that a batch adds up over its samples
-    # True for an input of which one value usually serves all samples of a batch
-    shared: bool = False
+    shared: bool = False  # True for an input whose one value usually serves all samples of a batch
 
     @property
     def size(self) -> int:
@@ -61,11 +59,8 @@ class Kernel:
     inputs: tuple[Argument, ...]  # arguments in the order of the C function
     outputs: tuple[Argument, ...]  # results in the order of the C function
     equation: str  # one line that states what is computed, with its source
-    # "sample" if a batch runs over time samples, "link" over bodies, "point" over anything else
-    per: str
-    # CasADi function, dense and row-major, inputs and outputs in the declared order; symbols of the
-    # expressions that are not inputs follow as one more (`with_further`)
-    function: Any
+    per: str  # "sample" if a batch runs over time samples, "link" over bodies, else "point"
+    function: Any  # dense, row-major, in the declared order, then `FURTHER` (`with_further`)
     # True for kernels that are called seldom: a batch calls them sample by sample, and no vector
     # code is compiled
     rare: bool = False

@@ -87,8 +87,7 @@ class Catalogue:
 
     kernels: tuple[Kernel, ...]  # in the order of the generated files
     base: BaseParameters  # base parameters
-    # kernel that this robot does not get → what to use instead
-    omitted: dict[str, str] = field(default_factory=dict)
+    omitted: dict[str, str] = field(default_factory=dict)  # omitted kernel → what to use instead
 
 
 def make_catalogue(chain: Chain, collision: CollisionModel | None = None) -> Catalogue:

@@ -37,15 +37,12 @@ class Loop(Record, frozen=True):
 
     parent: Name  # parent, child: links of the two frames
     child: Name
-    # parent_xyz, child_xyz: their origins in the frames of these links [m]
-    parent_xyz: Vector3 = _ORIGIN
+    parent_xyz: Vector3 = _ORIGIN  # parent_xyz, child_xyz: origins in the frames of these links [m]
     parent_rpy: Vector3 = _ORIGIN  # parent_rpy, child_rpy: their axes [rad]
     child_xyz: Vector3 = _ORIGIN
     child_rpy: Vector3 = _ORIGIN
-    # key of `FREE_ROWS`; "" where the assembly pose decides (`symgen.chain.assembly`)
-    kind: str = ""
-    # of a revolute, prismatic or cylindrical loop joint, in the two frames
-    axis: Vector3 = (0.0, 0.0, 1.0)
+    kind: str = ""  # key of `FREE_ROWS`; "" leaves it to the assembly pose (`chain.assembly`)
+    axis: Vector3 = (0.0, 0.0, 1.0)  # of a revolute, prismatic or cylindrical one, in both frames
 
     @property
     def name(self) -> str:
@@ -57,8 +54,7 @@ class Spring(Record, frozen=True):
     """A spring with potential k (x − rest)² / 2; x = Σ of[m] x_m, or a distance of points."""
 
     name: str  # name of its friction column, `spring:NAME`
-    # joint → factor; empty for a spring between points
-    of: dict[str, float] = field(default_factory=dict)
+    of: dict[str, float] = field(default_factory=dict)  # joint → factor; empty between points
     parent: str = ""  # parent, child: links of the two points; "" for a spring along joints
     child: str = ""
     parent_xyz: Vector3 = _ORIGIN  # parent_xyz, child_xyz: points in the frames of these links [m]
@@ -72,8 +68,7 @@ class KnownTorque(Record, frozen=True):
 
     of: Factors  # joint → factor
     polynomial: tuple[float, ...] = ()  # coefficients of 1, x, x², …; empty where points are given
-    # x, torque: points between which p is linear, constant beyond; x ascending
-    x: tuple[float, ...] = ()
+    x: tuple[float, ...] = ()  # x, torque: points of a linear p, constant beyond; x ascending
     torque: tuple[float, ...] = ()
 
 
@@ -89,14 +84,12 @@ class Mechanism(Record, frozen=True):
 
     # rows of dependent joints; a row replaces the <mimic> of its joint
     coupling: tuple[CouplingRow, ...] = ()
-    # names of the independent joints in the order of q; empty: those without a row
-    independent: tuple[str, ...] = ()
+    independent: tuple[str, ...] = ()  # independent joints in the order of q; empty: without a row
     friction: tuple[FrictionCoordinate, ...] = ()  # further coordinates with friction
     spring: tuple[Spring, ...] = ()  # springs
     known_torque: tuple[KnownTorque, ...] = ()  # torque curves
     loop: tuple[Loop, ...] = ()  # loop joints
-    # joint → position of the assembly pose [rad or m]; others: 0 or mid-range
-    assembly: dict[str, float] = field(default_factory=dict)
+    assembly: dict[str, float] = field(default_factory=dict)  # [rad, m]; others: 0 or mid-range
 
 
 _FAR = 1e3  # largest position of an assembly pose, rad or m; beyond it Newton works on rounding

@@ -1,5 +1,6 @@
 """Frozen `Chain`: joints, bodies and loop joints of a robot, with the inertias of moving bodies."""
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,8 +14,7 @@ LARGE = 20  # moving bodies above which a robot is large
 FLOATING = "floating"  # kind of the joint of a free base
 BASE_JOINT = "root_joint"  # name of the joint of a free base
 BASE_FREEDOM = 6  # degrees of freedom of a free base
-ROUNDING = 1e-12
-"""Distance from 0 or ±1 within which entries of rotations, axes and translations are snapped."""
+ROUNDING = 1e-12  # distance from 0 or ±1 within which entries of rotations and vectors snap
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,8 +29,7 @@ class Joint:
     axis: Vector  # unit vector in the joint frame
     lower: float | None  # lower, upper: position limits, rad or m; None without limit
     upper: float | None
-    # velocity, effort: limits, rad/s or m/s, N·m or N; None if the URDF gives none
-    velocity: float | None
+    velocity: float | None  # velocity, effort: limits [rad/s, m/s; N·m, N]; None if not given
     effort: float | None
     link: str
     # mass, com, inertia: of the moved link with all bodies fixed to it [kg, m, kg·m²]; inertia
@@ -38,6 +37,10 @@ class Joint:
     mass: float
     com: Vector
     inertia: MatrixRows
+
+    def ends(self, far: float = math.inf) -> tuple[float, float]:
+        """Lower and upper position limit, ∓`far` where there is none."""
+        return -far if self.lower is None else self.lower, far if self.upper is None else self.upper
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +79,7 @@ class Closure:
     kind: str  # key of `FREE_ROWS`
     parent: Frame  # parent, child: the two frames
     child: Frame
-    # components of the frames that are closed; others follow from these, or are free
-    rows: tuple[int, ...]
+    rows: tuple[int, ...]  # components of the frames that are closed; others follow or are free
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,11 +119,9 @@ class Chain:
     urdf: str  # the normalised document that the chain describes
     # link → origin of a body that the URDF does not state (`assumed_bodies`)
     assumed: dict[str, str] = field(default_factory=dict)
-    # no fixed joint attaches the base to the world; it is taken as fixed
-    base_is_assumed: bool = False
+    base_is_assumed: bool = False  # no fixed joint attaches the base to the world: taken as fixed
     coupling: Coupling | None = None  # q_all = A q + b; None where every joint is independent
-    # springs, torque curves and further friction coordinates
-    mechanism: Mechanism = field(default_factory=Mechanism)
+    mechanism: Mechanism = field(default_factory=Mechanism)  # springs, curves, further friction
     loops: Loops | None = None  # loop joints of a closed chain; None for a tree
 
     @property

@@ -38,17 +38,14 @@ class ChainOptions:
     gravity: tuple[float, float, float] | None = None
     # joint name → value (rad, m) at which the joint becomes part of its parent
     locks: dict[str, float] = field(default_factory=dict)
-    # rad; rpy angles within this of a multiple of π/2 are replaced by the multiple
-    snap: float = 0.0
-    # links that an earlier cut has taken from this URDF, to be reported with the rest
-    removed: tuple[str, ...] = ()
+    snap: float = 0.0  # rad; rpy angles within this of a multiple of π/2 become the multiple
+    removed: tuple[str, ...] = ()  # links that an earlier cut took from this URDF, for the report
     # link → kg, for links without <inertial>; empty: placeholders where no moving link has one
     # (`assumed_bodies`); None: a moving link without mass is refused
     masses: dict[str, float] | None = None
     # link → origin of a body that an earlier build has assumed, to be reported again
     assumed: dict[str, str] = field(default_factory=dict)
-    # couplings, springs and torque curves of a mechanism file
-    mechanism: Mechanism = field(default_factory=Mechanism)
+    mechanism: Mechanism = field(default_factory=Mechanism)  # that of a mechanism file
     floating: bool = False  # True frees the base; gravity is then given in the world's frame
 
 

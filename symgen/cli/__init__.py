@@ -18,8 +18,7 @@ import typer
 from runtime.common.commands import Commands, application, run
 from symgen import __version__
 
-BUILD_LIBRARIES = frozenset({"casadi", "pinocchio", "coal"})
-"""Top-level modules that only the extra `build` installs."""
+BUILD_LIBRARIES = frozenset({"casadi", "pinocchio", "coal"})  # installed by the extra `build`
 PURPOSES = {"inspect": "inspecting a robot model", "proxies": "fitting capsules to a robot"}
 """What needs them, by command; every other command writes the C code of a robot."""
 

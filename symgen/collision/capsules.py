@@ -34,8 +34,7 @@ class Coverage:
     link: str  # moving link, or `BASE`
     proxies: int  # number of proxies
     corners: int  # number of corners of triangles
-    # largest distance by which a triangle protrudes from the proxy that holds it best, m
-    outside: float
+    outside: float  # largest distance of a triangle outside the proxy that holds it best, m
     ratio: float  # volume of the proxies over that of the convex hulls; NaN without angular shapes
 
 

@@ -55,7 +55,9 @@ def select_pairs(
     distance, jacobian = clearance(chain, model, q)
     both = ca.Function("clearance", [q], [distance, jacobian], {"cse": True})
     # Distances of all pairs at rest (row 0) and at random postures of the whole range.
-    lower, upper = _range(chain)
+    # A joint without limits turns once, or slides by 1 m to both sides.
+    far = [1.0 if joint.kind == "prismatic" else np.pi for joint in chain.coordinates]
+    lower, upper = np.array([j.ends(x) for j, x in zip(chain.coordinates, far, strict=True)]).T
     rng = np.random.default_rng(0)
     postures = np.vstack([home, rng.uniform(lower, upper, (_POSTURES, len(lower)))])
     function = ca.Function("distance", [q], [distance], {"cse": True})
@@ -125,16 +127,6 @@ def _all_pairs(chain: Chain, proxies: tuple[Proxy, ...], margin: float) -> Colli
         if not (i == j or (j >= 0 and parents[j] == i) or (i >= 0 and parents[i] == j))
     )
     return CollisionModel(proxies, pairs)
-
-
-def _range(chain: Chain) -> tuple[Array, Array]:
-    """Position limits; one turn, or 1 m to both sides, for a joint without limits."""
-    far = [1.0 if j.kind == "prismatic" else np.pi for j in chain.coordinates]
-    lower = [
-        -f if j.lower is None else j.lower for j, f in zip(chain.coordinates, far, strict=True)
-    ]
-    upper = [f if j.upper is None else j.upper for j, f in zip(chain.coordinates, far, strict=True)]
-    return np.array(lower), np.array(upper)
 
 
 def link_distances(

@@ -66,8 +66,7 @@ FRAMES = 4096
 
 Includes the W × W numbers that lanes.h transposes in registers, all spilled.
 """
-INLINED = {"sincos": 40, "exp": 24, "all": 0}
-"""Values of a function of lanes.h or sines.h that may be inlined; others have two."""
+INLINED = {"sincos": 40, "exp": 24, "all": 0}  # values of a function that may be inlined; others: 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +75,7 @@ class StackBounds:
 
     one: dict[str, int]  # the function of kernels.c
     reference: dict[str, int]  # the loop of reference.c and the functions it calls
-    # lanes W → the deeper one of `_batch` and `_tiles`, with the functions they call
-    tiles: dict[int, dict[str, int]]
+    tiles: dict[int, dict[str, int]]  # lanes W → the deeper of `_batch` and `_tiles`, with callees
 
 
 def stack_bounds(

@@ -23,14 +23,12 @@ Kernels = dict[str, Kernel]
 class Product:
     """Tables for the loops of `templates/`."""
 
-    # regressor, block: kernels of the factors; the block is the second output of its kernel
-    regressor: str
+    regressor: str  # regressor, block: kernels of the factors, the block its second output
     block: str
     joints: int  # joints, links, size: Y is joints × (links · size)
     links: int
     size: int
-    # (row, column) of the structural nonzeros of a block, column by column
-    entries: list[tuple[int, int]]
+    entries: list[tuple[int, int]]  # (row, column) of the nonzeros of a block, column by column
     # joints whose rows of Y are not zero, link by link; first[k] to first[k + 1] belong to link k
     rows: list[int]
     first: list[int]  # start of each link in `rows`

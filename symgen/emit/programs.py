@@ -92,13 +92,8 @@ def programs(
 
 _STATISTICS = {"base_regressor"}
 _DESCENT = {
-    "loss_gradient",
-    "pi_frame",
-    "pi_adjoint",
-    "pi_jacobian",
-    "cholesky_jacobian",
-    "base_parameters",
-    "base_adjoint",
+    *("loss_gradient", "pi_frame", "pi_adjoint", "pi_jacobian", "cholesky_jacobian"),
+    *("base_parameters", "base_adjoint"),
 }
 _CONVEX = {"barrier", "base_parameters"}
 _ONLINE = _STATISTICS | _CONVEX | {"base_adjoint", "inverse_dynamics", "nearest_realisable"}

@@ -32,9 +32,7 @@ class Numbers:
     type: str = "double"  # type of values and constants
     literal: str = "{}"  # text of a constant, `{}` in the place of its digits
     suffix: str = ""  # what functions of <math.h> end in
-    # function that stores sine and cosine of its first argument in the two others; "" for separate
-    # calls
-    turn: str = ""
+    turn: str = ""  # function that stores sine and cosine of its first argument; "" for two calls
 
     @cached_property
     def expressions(self) -> dict[int, str]:

@@ -81,8 +81,7 @@ LATENCY = 4  # cycles until a product or sum is available (current processors)
 LONGER = {"vd_sincos(": 60, "vd_exp(": 60, "vd_sqrt(": 20, "1.0 / ": 13}
 """Cycles of statements that contain these texts; the functions are those of lanes.h."""
 ISSUE = 2  # multiplications that start per cycle
-ALIVE = 28
-"""Live values above which a statement that frees registers goes first; AVX-512 has 32 registers."""
+ALIVE = 28  # live values above which a statement that frees registers goes first (AVX-512 has 32)
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,15 +110,11 @@ class TileProgram:
 
     prepare: list[str]  # statements that fill `u` from the shared inputs
     uniform: int  # length of `u`
-    # name of the input whose sines and cosines the body reads from `sc`; if there is none, the
-    # first per-sample input
-    turned: str
-    # entries of it, ascending; entry i has its sine in row 2i of `sc`, its cosine in 2i + 1
-    turns: list[int]
+    turned: str  # input whose sines and cosines the body reads from `sc`, else the first per sample
+    turns: list[int]  # its entries, ascending; sine i is in row 2i of `sc`, cosine in 2i + 1
     body: list[str]  # statements on rows of W samples
     operations: int  # per sample, without those of `prepare`
-    # output → entries that the body writes; the others are structural zeros
-    filled: dict[str, list[int]]
+    filled: dict[str, list[int]]  # output → entries that the body writes; others are always 0
 
 
 def c_constant(value: float) -> str:

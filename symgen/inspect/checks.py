@@ -21,17 +21,13 @@ from symgen.inspect.model import ERROR, POINT, WARNING, Body, Finding, Joint, Mo
 from symgen.kernel import Array
 from symgen.mechanics.inertia import REALISABLE_TOLERANCE
 
-FRAME = 1e-6
-"""Mass up to which a link without inertia is a frame, kg: some tools refuse links without one."""
+FRAME = 1e-6  # mass up to which a link without inertia is a frame, kg: some tools need one there
 OSMIUM = 22590.0  # density of the densest element, kg/m³
 FOAM = 20.0  # density of packing foam, kg/m³: mass spread wider than that is not a robot's link
-USUAL = (100.0, 12000.0)
-"""Densities of robot links including motors and gears, kg/m³, to detect shifted decimal points."""
-DECIMALS = (-1, 1, -2, 2, -3, 3, -4, 4, -5, 5, -6, 6)
-"""Powers of ten that a shifted decimal point may amount to."""
+USUAL = (100.0, 12000.0)  # kg/m³ of links with motors and gears, to detect shifted decimal points
+DECIMALS = (-1, 1, -2, 2, -3, 3, -4, 4, -5, 5, -6, 6)  # powers of ten of shifted decimal points
 STRETCH = 1.2  # factor by which a body may exceed its shapes, since hulls are coarse
-TREE_STRETCH = 3.0
-"""The same factor where the size of a link is known from the distances of its joints only."""
+TREE_STRETCH = 3.0  # the same where only the distances of a link's joints show its size
 FLAT = 1e-6  # smallest over largest spread of a mass below which it is flat: rounding of a file
 STUB = 0.1  # smallest length of a link relative to the sum of all (joints of a wrist coincide)
 TURNS = 20.0  # largest plausible limit, rad, about three turns: larger ones are usually in degrees
@@ -293,8 +289,7 @@ _SAME_INERTIA = 0.02  # of the trace
 _PRODUCTS = np.triu_indices(3, 1)
 _COUNTS = 0.005  # of the trace for products, of the size for offsets: above it signs count
 
-SHARE = 0.1
-"""Least share of m|c|² in tr Σ for which the centre of mass and the link origin differ enough."""
+SHARE = 0.1  # least share of m|c|² in tr Σ for which centre of mass and origin differ enough
 EDGE = 1e-3  # |λ_min(Σ − m c cᵀ)| / tr Σ below which Σ is that of a flat body shifted to the origin
 ENOUGH = 3  # least number of links that must look shifted before all of a robot are reported
 

@@ -50,8 +50,7 @@ class Group:
 
     where: str  # place for findings
     body: Body  # sum of the consistent bodies
-    # space of the shapes of all links; None where one is unknown, or without shapes
-    extent: Extent | None
+    extent: Extent | None  # of the shapes of all links; None where one is unknown, or without any
     reach: float  # largest distance from the frame to the joints of the group and its centre, m
 
 

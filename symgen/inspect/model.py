@@ -111,8 +111,7 @@ class Shape:
     """One <geometry>: box, cylinder, sphere, capsule or mesh, placed in the link frame."""
 
     kind: str  # name of the primitive, or "mesh"
-    # box x y z; radius and length of cylinder and capsule; radius; scale of a mesh. m
-    size: tuple[float, ...]
+    size: tuple[float, ...]  # box x y z; radius, length; radius; scale of a mesh. m
     rotation: Array  # (3, 3) from the shape's frame to the link frame
     translation: Array  # (3,) m
     file: str = ""  # name of the mesh file, as written

@@ -100,10 +100,8 @@ SLACK = 0.25
 """Part of the smallest torque change that is added to stay near the file: the minimum itself needs
 absurd bodies (centres of mass 10 cm away on the FR3 of 2023)."""
 STILL = 1e-5  # relative change below which a consistent link is left as written; solvers leave 1e-6
-_SVEC = tuple((i, j) for j in range(4) for i in range(j + 1))
-"""Entries of the upper triangle of a (4, 4) matrix, column by column, as in Clarabel."""
-_WEIGHT = np.array([1.0 if i == j else np.sqrt(2.0) for i, j in _SVEC])
-"""Factors of svec, with which the inner product is that of matrices."""
+_SVEC = tuple((i, j) for j in range(4) for i in range(j + 1))  # upper triangle (4, 4) by columns
+_WEIGHT = np.array([1.0 if i == j else np.sqrt(2.0) for i, j in _SVEC])  # inner product as matrices
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,8 +109,7 @@ class Repair:
     """Changed bodies."""
 
     bodies: dict[str, Body]  # link → body, only for links that changed
-    # ‖Δτ‖ / ‖τ‖ at random states, each joint relative to its own torque; 0 if kept
-    torque_change: float
+    torque_change: float  # ‖Δτ‖ / ‖τ‖ at random states, relative to each joint's torque; 0 if kept
     kept: bool  # True if the base parameters are those of the file
 
 

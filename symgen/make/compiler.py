@@ -27,8 +27,7 @@ from runtime.common.files import sha256_of
 _V2 = frozenset({"pni", "ssse3", "cx16", "sse4_1", "sse4_2", "popcnt", "lahf_lm"})
 _V3 = _V2 | {"fma", "movbe", "avx", "f16c", "bmi1", "avx2", "bmi2", "abm"}
 _V4 = _V3 | {"avx512f", "avx512dq", "avx512cd", "avx512bw", "avx512vl"}
-PROCESSOR_FLAGS = {"v4": _V4, "v3": _V3, "v2": _V2}
-"""Level → flags of /proc/cpuinfo that the x86-64 ABI requires for it."""
+PROCESSOR_FLAGS = {"v4": _V4, "v3": _V3, "v2": _V2}  # by the x86-64 ABI, of /proc/cpuinfo
 CPUINFO = Path("/proc/cpuinfo")
 
 FLAGS = ("-std=c99", "-fPIC", "-fno-math-errno", "-fno-trapping-math")
@@ -36,8 +35,7 @@ FLAGS = ("-std=c99", "-fPIC", "-fno-math-errno", "-fno-trapping-math")
 
 Warnings are off: the tests compile with all of them, and they cost GCC a second.
 """
-PLAIN = ("-O1",)
-"""Level for code on one or two numbers at a time, which gains nothing from more (measured)."""
+PLAIN = ("-O1",)  # level for code on one or two numbers at a time, which gains nothing from more
 WIDE = ("-O2",)  # level for code on wide vectors
 VECTOR_FLAGS = (
     "-ffp-contract=fast",  # fused multiply-add, which ISO C turns off by itself
@@ -51,27 +49,13 @@ FALLBACK = ("-O0", "-DBY_SAMPLE")
 Its tiles call the functions of one sample lane by lane, instead of having all kernels once more."""
 GCC_PLAIN = ("-fno-tree-dse", "--param=lra-max-considered-reload-pseudos=20")
 """Passes that GCC skips at -O1, see `GCC_WIDE`."""
-GCC_ONCE = (*GCC_PLAIN, "-fno-dse")
-"""Passes that GCC skips where nothing but sums and products of numbers is compiled."""
+GCC_ONCE = (*GCC_PLAIN, "-fno-dse")  # passes that GCC skips for sums and products of numbers alone
 GCC_WIDE = (
-    *GCC_PLAIN,
-    "-fno-ira-share-spill-slots",
-    "-fira-region=one",
-    "-fno-tree-copy-prop",
-    "-fno-tree-dominator-opts",
-    "-fno-tree-ccp",
-    "-fno-tree-fre",
-    "-fno-tree-pta",
-    "-fno-tree-vrp",
-    "-fno-tree-pre",
-    "-fno-forward-propagate",
-    "-fno-code-hoisting",
-    "-fno-ipa-icf",
-    "-fno-ipa-modref",
-    "-fno-ipa-sra",
-    "-fno-cprop-registers",
-    "-fno-rerun-cse-after-loop",
-    "-fno-ree",
+    *(*GCC_PLAIN, "-fno-ira-share-spill-slots", "-fira-region=one", "-fno-tree-copy-prop"),
+    *("-fno-tree-dominator-opts", "-fno-tree-ccp", "-fno-tree-fre", "-fno-tree-pta"),
+    *("-fno-tree-vrp", "-fno-tree-pre", "-fno-forward-propagate", "-fno-code-hoisting"),
+    *("-fno-ipa-icf", "-fno-ipa-modref", "-fno-ipa-sra", "-fno-cprop-registers"),
+    *("-fno-rerun-cse-after-loop", "-fno-ree"),
 )
 """Passes that GCC skips at -O2.
 

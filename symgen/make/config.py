@@ -81,8 +81,7 @@ class RobotConfig(Record, frozen=True):
 
 
 _VECTORS = ("home", "acceleration", "jerk", "torque_rate")
-CONFIG_KEYS = RobotConfig.__struct_fields__
-"""Keys of the TOML file; the manifest has the same keys, None where unknown."""
+CONFIG_KEYS = RobotConfig.__struct_fields__  # keys of TOML file and manifest, None where unknown
 
 
 def read_config(*paths: Path) -> RobotConfig:
@@ -147,9 +146,7 @@ def within_couplings(
         if k in coupling.independent or len(coupling.masters(k)) > 1
     ]
     matrix, offset = np.array(coupling.matrix)[rows], np.array(coupling.offset)[rows]
-    joints = [chain.single_joints[k] for k in rows]
-    lower = np.array([-np.inf if joint.lower is None else joint.lower for joint in joints])
-    upper = np.array([np.inf if joint.upper is None else joint.upper for joint in joints])
+    lower, upper = np.array([chain.single_joints[k].ends() for k in rows]).T
     both = np.isfinite(lower) & np.isfinite(upper)
     with np.errstate(invalid="ignore"):
         half = np.where(both, (upper - lower) / 2, 1.0)

@@ -26,6 +26,7 @@ from symgen.mechanics.passive import friction_coordinates
 
 ROUNDED = 1e-4  # error of a right angle, rad, of a URDF with four decimals; the notes report it
 
+_LIMITS = ("acceleration", "jerk", "torque_rate")
 WORLD = "world"  # frame of the pose and of gravity where the base is free
 PROJECTION_FLOOR = 1e-4  # smallest eigenvalue of Σ_com over its trace after --settings project=true
 
@@ -77,8 +78,7 @@ def model_facts(
         "gravity": list(chain.gravity),
         "joints": [_joint_facts(joint) for joint in chain.coordinates],
         "home": list(home_of(chain, config)),
-        **{k: to_builtins(getattr(config, k)) or None for k in ("acceleration", "jerk")},
-        "torque_rate": to_builtins(config.torque_rate) or None,
+        **{key: to_builtins(getattr(config, key)) or None for key in _LIMITS},
         "tip_speed": config.tip_speed,
         "braking": to_builtins(config.braking),
         **tables_from_collision(config.collision),

@@ -24,8 +24,7 @@ from symgen.inspect.geometry import LARGEST_MESH, is_sound
 from symgen.ros.packages import Packages
 
 DEFAULT = "default"  # key of the density of all links that the file does not name
-_MERGED = 1e-6
-"""Distance of two corners that are one, over the size of the mesh: STL has single precision."""
+_MERGED = 1e-6  # distance of equal corners over the size of the mesh: STL has single precision
 
 Array = np.ndarray
 

@@ -81,8 +81,7 @@ _RENAME_EXCHANGE = 2
 ONCE = ("kernels.c", "update.c", "online.c", "closed_loop.c")  # sources compiled once
 PER_LEVEL = ("tiles.c", "statistics.c", "descent.c", "convex.c", "excitation.c")
 """Sources compiled once per instruction set."""
-UNHURRIED = ("reference.c",)
-"""Sources compiled without optimisation, to save build time: their speed does not matter."""
+UNHURRIED = ("reference.c",)  # sources compiled without optimisation: their speed does not matter
 _KINDS = (ONCE, PER_LEVEL, UNHURRIED)
 
 

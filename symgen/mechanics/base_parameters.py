@@ -29,15 +29,11 @@ from symgen.mechanics.inertia import (
 )
 
 SILENT_COLUMN = 1e-11
-"""Norm of a column of W, relative to the largest, below which it is rounding error.
-
-Such columns count as zero: scaling them to length one would invent a direction.
-"""
+"""Norm of a column of W over the largest, below which it is rounding error and counts as zero."""
 CLEAR_GAP = 1e3  # least ratio of neighbouring singular values that marks the rank
 ROUNDING = 1e-13  # singular value, relative to the largest, below which only rounding error is left
 _SAMPLES_PER_COLUMN = 4  # random states per column of Y
-_LARGE = 12
-"""Links above which W has `_FEW` states, or enough for `_SAMPLES_PER_COLUMN` rows per column."""
+_LARGE = 12  # links above which W has `_FEW` states, or `_SAMPLES_PER_COLUMN` rows per column
 _FEW = 120  # states of a large robot: ten rows per parameter of a link that acts on one joint only
 _SNAP_DIGITS = 12  # decimals to which an entry of K is rounded
 _SNAP_WITHIN = 2e-14  # relative distance within which an entry of K is replaced by the rounded one
@@ -149,7 +145,7 @@ def _independent(unit: Array, order: list[int], rank: int) -> list[int]:
     """First `rank` columns in the given order outside the span of their predecessors."""
     vectors = np.empty((unit.shape[0], rank), order="F")
     basis = vectors[:, :0]
-    residuals: list[tuple[float, int]] = []
+    chosen: list[int] = []
     for k in order:
         v = unit[:, k]
         for _ in range(2):  # twice is enough for orthogonality to rounding
@@ -158,26 +154,24 @@ def _independent(unit: Array, order: list[int], rank: int) -> list[int]:
         if length > 1.0 / CLEAR_GAP**1.5 and basis.shape[1] < rank:
             vectors[:, basis.shape[1]] = v / length
             basis = vectors[:, : basis.shape[1] + 1]
-            residuals.append((length, k))
-    chosen = {k for _, k in residuals}
-    while len(residuals) < rank:  # nearly dependent columns: the farthest from the span so far
+            chosen.append(k)
+    while len(chosen) < rank:  # nearly dependent columns: the farthest from the span so far
         rest = unit - basis @ (basis.T @ unit)
         rest = rest - basis @ (basis.T @ rest)
         lengths = np.linalg.norm(rest, axis=0)
-        lengths[list(chosen)] = 0.0
+        lengths[chosen] = 0.0
         k = int(np.argmax(lengths))
         if not lengths[k] > ROUNDING * CLEAR_GAP:
             break
         vectors[:, basis.shape[1]] = rest[:, k] / lengths[k]
         basis = vectors[:, : basis.shape[1] + 1]
-        residuals.append((float(lengths[k]), k))
-        chosen.add(k)
-    if len(residuals) < rank:
+        chosen.append(k)
+    if len(chosen) < rank:
         raise RankError(
-            f"expected {rank} independent columns by the singular values, got {len(residuals)}; "
+            f"expected {rank} independent columns by the singular values, got {len(chosen)}; "
             "if the URDF rounds its angles, use --settings snap=1e-4"
         )
-    return [k for _, k in residuals]
+    return chosen
 
 
 def _tidied(matrix: Array) -> Array:

@@ -111,16 +111,14 @@ def _seeds(count: int) -> Matrix:
 
 def _count(chain: ClosedChain) -> int:
     """Dependent coordinates and entries of the inverses."""
-    loops = chain.loops
-    return len(loops.dependent) + sum(len(rows) ** 2 for rows, _ in loops.blocks)
+    return len(chain.loops.dependent) + sum(len(rows) ** 2 for rows, _ in chain.loops.blocks)
 
 
 def _split(chain: ClosedChain, seeds: Matrix) -> tuple[Matrix, list[Matrix]]:
     """d, and W of each block."""
-    loops = chain.loops
-    at = len(loops.dependent)
+    at = len(chain.loops.dependent)
     d, inverses = seeds[:at], []
-    for rows, _ in loops.blocks:
+    for rows, _ in chain.loops.blocks:
         r = len(rows)
         inverses.append(ca.reshape(seeds[at : at + r * r], r, r))
         at += r * r
@@ -131,9 +129,8 @@ def _times(
     chain: ClosedChain, inverses: list[Matrix], right: Matrix, transposed: bool = False
 ) -> Matrix:
     """W b, block by block."""
-    loops = chain.loops
     result = ca.SX(*right.shape)
-    for w, (rows, columns) in zip(inverses, loops.blocks, strict=True):
+    for w, (rows, columns) in zip(inverses, chain.loops.blocks, strict=True):
         matrix, into, out = (w.T, columns, rows) if transposed else (w, rows, columns)
         part = ca.mtimes(matrix, right[list(into), :])
         for k, place in enumerate(out):
@@ -143,8 +140,7 @@ def _times(
 
 def _solved(chain: ClosedChain, q: Matrix, right: Matrix, transposed: bool = False) -> Matrix:
     """φ_d⁻¹ b or φ_d⁻ᵀ b: W b and its refinements y + W (b − φ_d y)."""
-    loops = chain.loops
-    slope = slopes(chain)(_positions(chain, q))[:, list(loops.dependent)]
+    slope = slopes(chain)(_positions(chain, q))[:, list(chain.loops.dependent)]
     matrix = slope.T if transposed else slope
     _, inverses = _split(chain, _seeds(_count(chain)))
     y = _times(chain, inverses, right, transposed)

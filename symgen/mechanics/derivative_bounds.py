@@ -21,8 +21,7 @@ from symgen.mechanics.inertia import bodies_of
 
 Series = list[Matrix]  # bounds x_k of |dᵏx/dtᵏ| / k!, lowest order first
 
-_OUTWARD = 1 + 1e-12
-"""Some hundred operations on the longest path, each rounded by 1.1e-16 of its result."""
+_OUTWARD = 1 + 1e-12  # some hundred operations on the longest path, each rounded by 1.1e-16
 
 
 def torque_bounds(chain: Chain, motion: Matrix, pi: Matrix, orders: int = 4) -> Matrix:

@@ -75,13 +75,11 @@ def closed_chain(chain: Chain) -> ClosedChain:
 
 def joined(chain: ClosedChain, independent: Matrix, dependent: Matrix | None) -> Matrix:
     """Rows of both kinds, (n, m) and (r, m), in the order of x."""
-    loops = chain.loops
-    count = len(loops.independent) + len(loops.dependent)
-    whole = ca.SX(count, independent.shape[1])
-    for k, place in enumerate(loops.independent):
+    whole = ca.SX(_size(chain), independent.shape[1])
+    for k, place in enumerate(chain.loops.independent):
         whole[place, :] = independent[k, :]
     if dependent is not None:
-        for k, place in enumerate(loops.dependent):
+        for k, place in enumerate(chain.loops.dependent):
             whole[place, :] = dependent[k, :]
     return whole
 
@@ -102,21 +100,19 @@ def bends(chain: ClosedChain) -> ca.Function:
 
 
 def _size(chain: ClosedChain) -> int:
-    loops = chain.loops
-    return len(loops.independent) + len(loops.dependent)
+    return len(chain.loops.independent) + len(chain.loops.dependent)
 
 
 @lru_cache(maxsize=8)
 def equations(chain: ClosedChain) -> ca.Function:
     """Function of x (n + r,) [rad, m] that returns φ (r,) [m, rad]."""
-    loops = chain.loops
     x = ca.SX.sym("x", _size(chain))
     if chain.coupling is None:
         everything = x
     else:
         linear = ca.mtimes(ca.sparsify(ca.DM(chain.coupling.matrix)), x)
         everything = linear + ca.DM(chain.coupling.offset)
-    rows = [_apart(chain, closure, everything) for closure in loops.closures]
+    rows = [_apart(chain, closure, everything) for closure in chain.loops.closures]
     return ca.Function("phi", [x], [ca.densify(ca.vertcat(*rows))])
 
 
@@ -184,7 +180,7 @@ def _continued(chain: ClosedChain) -> ca.Function:
         least = margin if least is None else ca.fmin(least, margin)
     for turn in loops.turns:
         d = d + ca.DM(turn.windings) * (q[turn.place] - near[turn.place])
-    return ca.Function("seeds", [q], list(_polished(chain, q, d, least, POLISH)))
+    return ca.Function("seeds", [q], list(_polished(chain, q, d, least)))
 
 
 def _within_a_turn(chain: ClosedChain, q: Matrix) -> Matrix:
@@ -200,8 +196,7 @@ def _within_a_turn(chain: ClosedChain, q: Matrix) -> Matrix:
 
 def values_from_last(chain: ClosedChain, q: Matrix, d: Matrix) -> tuple[Matrix, Matrix]:
     """`seed_values` at q from the dependent positions d (r,) of a sample shortly before."""
-    loops = chain.loops
-    return _polished(chain, q, d, ca.SX(ca.DM.ones(len(loops.blocks))), POLISH)
+    return _polished(chain, q, d, ca.SX(ca.DM.ones(len(chain.loops.blocks))))
 
 
 def _newton(chain: ClosedChain, q: Matrix, d: Matrix) -> tuple[Matrix, Matrix]:
@@ -212,11 +207,10 @@ def _newton(chain: ClosedChain, q: Matrix, d: Matrix) -> tuple[Matrix, Matrix]:
 
 def _systems(chain: ClosedChain, q: Matrix, d: Matrix, inverse: bool = False) -> list[Triangle]:
     """φ_d y = φ of each block after elimination, or φ_d [y, W] = [φ, 1]."""
-    loops = chain.loops
     x = joined(chain, q, d)
-    phi, slope = equations(chain)(x), slopes(chain)(x)[:, list(loops.dependent)]
+    phi, slope = equations(chain)(x), slopes(chain)(x)[:, list(chain.loops.dependent)]
     systems = []
-    for rows, columns in loops.blocks:
+    for rows, columns in chain.loops.blocks:
         right: Matrix = phi[list(rows)]
         if inverse:
             right = ca.horzcat(right, ca.SX(ca.DM.eye(len(rows))))
@@ -226,9 +220,8 @@ def _systems(chain: ClosedChain, q: Matrix, d: Matrix, inverse: bool = False) ->
 
 def _stacked(chain: ClosedChain, parts: list[Matrix]) -> Matrix:
     """Columns of the blocks as one vector in the order of d."""
-    loops = chain.loops
-    whole = ca.SX(len(loops.dependent), 1)
-    for part, (_, columns) in zip(parts, loops.blocks, strict=True):
+    whole = ca.SX(len(chain.loops.dependent), 1)
+    for part, (_, columns) in zip(parts, chain.loops.blocks, strict=True):
         for k, place in enumerate(columns):
             whole[place] = part[k, 0]
     return whole
@@ -247,11 +240,9 @@ def _assembled(chain: ClosedChain) -> Matrix:
     return ca.evalf(ca.vertcat(*(system.margin for system in systems)))
 
 
-def _polished(
-    chain: ClosedChain, q: Matrix, d: Matrix, least: Matrix, count: int
-) -> tuple[Matrix, Matrix]:
+def _polished(chain: ClosedChain, q: Matrix, d: Matrix, least: Matrix) -> tuple[Matrix, Matrix]:
     """Newton at q; values of the seeds and margins, NaN where refused."""
-    for _ in range(count):
+    for _ in range(POLISH):
         d, _ = _newton(chain, q, d)
     systems = _systems(chain, q, d, inverse=True)
     solutions = [system.solution() for system in systems]

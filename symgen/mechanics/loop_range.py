@@ -128,8 +128,7 @@ def _sampler(chain: Chain) -> Sampler:
     margin = seed_values(closed_chain(chain), q)[1]
     everything = supplied(chain, all_positions(chain, q), q)
     function = ca.Function("margin", [q], [ca.mmin(margin), everything], {"cse": True})
-    lower = np.array([-np.inf if j.lower is None else j.lower for j in chain.joints])
-    upper = np.array([np.inf if j.upper is None else j.upper for j in chain.joints])
+    lower, upper = np.array([joint.ends() for joint in chain.joints]).T
 
     def sample(postures: Array) -> tuple[Array, NDArray[np.bool_], Array]:
         least, positions = (np.asarray(x) for x in function.map(len(postures))(postures.T))

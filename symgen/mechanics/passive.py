@@ -20,8 +20,7 @@ from symgen.kernel import Matrix
 from symgen.mechanics.kinematics import all_positions, link_poses
 
 _PARALLEL = 1e-9  # distance of two unit rows below which they are the same friction coordinate
-_POSTURES, _ROUNDING = 3, 1e-12
-"""Random postures, and slope of a distance [1] there below which it is constant."""
+_POSTURES, _ROUNDING = 3, 1e-12  # random postures; slope of a distance [1] that is constant there
 
 
 def unknown_springs(chain: Chain) -> tuple[Spring, ...]:
@@ -80,20 +79,16 @@ def _unit_torque(chain: Chain, spring: Spring, q: Matrix) -> Matrix:
 
 def _along(chain: Chain, of: dict[str, float], q: Matrix) -> Matrix:
     """Σ of[m] x_m as a function of the independent coordinates."""
+    names = [joint.name for joint in chain.joints]
+    require_joints(of, names, "the mechanism")
     positions = all_positions(chain, q)
-    return sum(factor * positions[_index(chain, name)] for name, factor in of.items())
+    return sum(factor * positions[names.index(name)] for name, factor in of.items())
 
 
 def _row(chain: Chain, of: dict[str, float]) -> np.ndarray:
     q = ca.SX.sym("q", len(chain.coordinates))
     slope = ca.Function("row", [q], [ca.densify(ca.gradient(_along(chain, of, q), q))])
     return np.asarray(slope(0)).ravel()
-
-
-def _index(chain: Chain, name: str) -> int:
-    names = [joint.name for joint in chain.joints]
-    require_joints([name], names, "the mechanism")
-    return names.index(name)
 
 
 def _distance(chain: Chain, spring: Spring, q: Matrix) -> Matrix:

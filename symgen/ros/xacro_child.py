@@ -27,8 +27,7 @@ from runtime.common.files import LARGEST_DOCUMENT, text_of
 from symgen.errors import SymgenError
 from symgen.ros.packages import Packages
 
-_SECRET = re.compile(r"TOKEN|SECRET|PASSW|CREDENTIAL|KEY", re.IGNORECASE)
-"""Environment variables that no robot description needs."""
+_SECRET = re.compile(r"TOKEN|SECRET|PASSW|CREDENTIAL|KEY", re.IGNORECASE)  # no robot needs these
 _WORD = re.compile(r"[A-Za-z_]\w*")
 _ARGUMENT = re.compile(r"""<xacro:arg\s[^<>]*?name\s*=\s*["']([^"']*)["']""")
 _MOST_MESSAGES = 20

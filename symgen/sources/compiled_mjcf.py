@@ -48,8 +48,7 @@ class Bodies:
     mujoco: Any  # the package
     model: Any  # its compiled model
     names: list[str]  # of the links
-    # body → anchor of its last joint in the body's frame, (3,) m; of bodies that are not left out
-    shifts: dict[int, np.ndarray]
+    shifts: dict[int, np.ndarray]  # body of the robot → its last joint's anchor in it, (3,) m
 
     def joint(self, k: int) -> str:
         """Name of a joint."""

@@ -7,7 +7,7 @@ joint of a link that has one already, and every <loop_joint>, close a loop. Sour
 1.11, sdformat.org/spec; poses with `relative_to`, axes with `expressed_in`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from xml.etree.ElementTree import Element, ParseError, SubElement, indent, tostring
 
 import numpy as np
@@ -84,8 +84,7 @@ class Frames:
 
 
 _TREE = {"revolute": "revolute", "continuous": "continuous", "prismatic": "prismatic"}
-_LOOPS = {"continuous": "revolute", "ball": "spherical"}
-"""Type of a joint of SDF → kind of a loop joint; others keep their name."""
+_LOOPS = {"continuous": "revolute", "ball": "spherical"}  # type in SDF → kind of a loop; else equal
 _KINDS = ("revolute", "prismatic", "spherical", "fixed")
 _ENDLESS = 1e15  # limit of SDF, rad or m, above which there is none
 
@@ -183,9 +182,7 @@ def _end(joint: Element, which: str, where: str) -> str:
     return name
 
 
-def _require_link(
-    name: str, names: tuple[str, ...] | list[str], joint: Element, where: str
-) -> None:
+def _require_link(name: str, names: Collection[str], joint: Element, where: str) -> None:
     if name not in names:
         raise BuildError(
             f"{where}: joint '{joint.get('name', '')}' names '{name}', which is not a link of the "
@@ -271,16 +268,15 @@ def _loop(joint: Element, places: dict[str, pinocchio.SE3], frames: Frames, wher
         )
     ends = parent, child = (_end(joint, "parent", where), _end(joint, "child", where))
     for end in ends:
-        _require_link(end, list(places), joint, where)
+        _require_link(end, places, joint, where)
     here = frames.of(name)
     (a, r_a), (c, r_c) = (
         (place.translation.tolist(), pinocchio.rpy.matrixToRpy(place.rotation).tolist())
         for place in (places[end].inverse() * here for end in ends)
     )
-    axis = (
-        tuple(frames.axis(joint).tolist()) if kind in {"revolute", "prismatic"} else (0.0, 0.0, 1.0)
-    )
-    return Loop(parent, child, tuple(a), tuple(r_a), tuple(c), tuple(r_c), kind, axis)
+    loop = Loop(parent, child, tuple(a), tuple(r_a), tuple(c), tuple(r_c), kind)
+    turns_or_slides = kind in {"revolute", "prismatic"}
+    return loop.replace(axis=tuple(frames.axis(joint).tolist())) if turns_or_slides else loop
 
 
 def pose_of(element: Element, name: str) -> pinocchio.SE3:

@@ -60,8 +60,7 @@ class Plan:
     stages: tuple[float, ...] = (10.0, 50.0, 100.0)
     most_seconds: float = 600.0  # motion time after which no further motion is begun [s]
     seed: int = 0  # of the designs
-    # whether every motion runs on the virtual robot with planted faults first
-    rehearses: bool = True
+    rehearses: bool = True  # every motion runs on the virtual robot with planted faults first
 
     def __post_init__(self) -> None:
         rising = all(a < b for a, b in zip(self.stages, self.stages[1:], strict=False))

@@ -173,8 +173,7 @@ class RehearsalVerdict:
     kind: str  # of `KINDS`, or "none"
     joint: int  # index of the joint
     sentences: tuple[str, ...]  # of the steps that named it
-    # largest relative error of the rigid-body torque; NaN where nothing was identified
-    error: float
+    error: float  # largest relative error of the rigid-body torque; NaN if nothing is identified
 
     @property
     def is_named(self) -> bool:

@@ -296,8 +296,7 @@ VAGUE = PriorFile(NONE, Constraints())
 class ArmModel:
     """Model of an arm and its joints."""
 
-    # identification from all logs; its friction columns are those of the gear
-    result: Identification
+    result: Identification  # from all logs; its friction columns are those of the gear
     gear: GearFriction  # what these columns depend on
 
 

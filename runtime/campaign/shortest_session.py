@@ -79,8 +79,7 @@ class ModelError:
 class ErrorParts:
     """Errors of the unknowns by part."""
 
-    # name of the part → matrix R of (10 n or 10, m), R Rᵀ its mean square
-    roots: Mapping[str, Array]
+    roots: Mapping[str, Array]  # part → matrix R of (10 n or 10, m), R Rᵀ its mean square
     gains: Array  # (n,) standard deviations of the gains, the columns of the part `GAINS`
 
     def parts(self, size: Callable[[str, Array], float]) -> dict[str, float]:
@@ -251,8 +250,7 @@ class PlannedSession:
     """A motion with its ways, and the expected error of their log."""
 
     design: Design  # of the motion
-    # name of a part of the error → its size in the unit of the target's value
-    parts: dict[str, float]
+    parts: dict[str, float]  # part of the error → its size in the unit of the target's value
     total: float  # root of the sum of their squares
     target: Target  # what was to be reached
     attempts: dict[float, float]  # duration of every motion that was tried [s] → its error

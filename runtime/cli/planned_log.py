@@ -73,8 +73,7 @@ class TorqueNoise:
     sigma: Array  # (n,) N·m or N
     spacing: float = 0.0  # time between independent rows, s; 0 where all rows are independent
     log: str | None = None  # name of the log that it is from; None for numbers
-    # of the noise of a log, for --settings noise_model=coloured
-    spectrum: NoiseSpectrum | None = None
+    spectrum: NoiseSpectrum | None = None  # of a log's noise, for noise_model=coloured
 
     def rows_per_independent(self, rate: float) -> float:
         """Rows that count as one independent row."""

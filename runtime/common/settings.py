@@ -69,8 +69,7 @@ class Choices:
     """All choices of a command."""
 
     command: ClassVar[str] = ""  # word after `symgen`, that of the class without Settings
-    # fields that are options on the command line, with spaces; the others are settings
-    options: ClassVar[str] = ""
+    options: ClassVar[str] = ""  # fields that are options, with spaces; the others are settings
 
     def __init_subclass__(cls) -> None:
         cls.command = cls.__name__.removesuffix("Settings").lower()

@@ -19,10 +19,8 @@ class Table:
     note: str = ""  # small text below, of the terminal
     kind: str = "numbers"  # class of the HTML table: numbers, or facts (two columns of words)
     flagged: frozenset[int] = frozenset()  # rows that are highlighted as faults
-    # (heading, number of columns), which together cover all columns
-    groups: tuple[tuple[str, int], ...] = ()
-    # column_methods, row_methods: method of each column (row), for the filter; "" for none
-    column_methods: tuple[str, ...] = ()
+    groups: tuple[tuple[str, int], ...] = ()  # (heading, columns), together all columns
+    column_methods: tuple[str, ...] = ()  # column_methods, row_methods: for the filter; "" for none
     row_methods: tuple[str, ...] = ()
     row_anchors: tuple[str, ...] = ()  # HTML ids of rows
 

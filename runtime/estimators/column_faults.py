@@ -72,10 +72,8 @@ class ColumnFault:
 class ColumnFaults:
     """Result of the comparison."""
 
-    # the faults that explain most, each after those before it were undone
-    named: tuple[ColumnFault, ...]
-    # of every one of them, other faults of the same joints that explain nearly as much
-    rivals: tuple[tuple[ColumnFault, ...], ...]
+    named: tuple[ColumnFault, ...]  # those that explain most, each after undoing those before
+    rivals: tuple[tuple[ColumnFault, ...], ...]  # of each, faults of its joints nearly as good
     hidden: tuple[ColumnFault, ...]  # faults that would leave no trace in this log
     left: Array  # ρ as the log is, and with the faults undone, (2, n); NaN of joints that rest
 

@@ -63,15 +63,12 @@ class PriorTest:
 
     statistic: float  # T
     threshold: float  # value that T of a right prior seldom exceeds
-    # largest decrease of T by the release of one link; 0 where T itself is smaller than its
-    # threshold
-    decrease: float
+    decrease: float  # largest decrease of T by the release of one link; 0 below T's threshold
     link_threshold: float  # value that it seldom exceeds where the prior of every link is right
     # names of the links whose release explains the contradiction, the likeliest first; empty
     # without contradiction, or where no single link explains it
     links: tuple[str, ...]
-    # masses of these links in the prior, with the prior released, and σ of the latter, kg
-    masses: tuple[tuple[float, float, float], ...]
+    masses: tuple[tuple[float, float, float], ...]  # of these: prior, released, σ of the latter, kg
     scale: float  # least-squares factor between the measured torque and that of the prior
     # share of the torque of free bodies that the prior misses, friction being free,
     # (‖r_prior‖² − ‖r_free‖²)^½ / (‖r_0‖² − ‖r_free‖²)^½, r_0 without any body
@@ -188,12 +185,9 @@ the prior, is the cause."""
 class ModelTests:
     """Results of all tests."""
 
-    # sentence that doubts the result; empty where there is none
-    contradictions: tuple[str, ...] = ()
-    # sentences on what the data contradict while the result holds: its intervals, the URDF
-    model_errors: tuple[str, ...] = ()
-    # sentences on gains, encoder zeros and tilts that may be wrong without a trace
-    limits: tuple[str, ...] = ()
+    contradictions: tuple[str, ...] = ()  # sentence that doubts the result; empty if none
+    model_errors: tuple[str, ...] = ()  # sentences on a contradicted interval or URDF
+    limits: tuple[str, ...] = ()  # sentences on gains, encoder zeros, tilts without a trace
     causes: Causes = field(default_factory=Causes)  # compared; none where they were not tested
 
 

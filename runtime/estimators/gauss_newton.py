@@ -23,11 +23,8 @@ class Linearised:
     """A problem linearised at x."""
 
     step: Array  # Δ to its minimum, (p,)
-    # unit of each component in which a step is measured, (p,); NaN where a component is not
-    # determined and does not count
-    sigma: Array
-    # of any x, smaller is better, with the weights of this x; None takes steps as they are
-    cost: Callable[[Array], float] | None = None
+    sigma: Array  # unit of a step per component, (p,); NaN where a component does not count
+    cost: Callable[[Array], float] | None = None  # of any x, weights of this x; None: plain steps
     order: float = np.inf  # of the norm of a step over its unit
 
     def size(self, share: float = 1.0) -> float:

@@ -29,16 +29,14 @@ class Method:
     from_statistics: bool = False
     bounds_friction: bool = False  # its viscous, Coulomb and rotor coefficients are ≥ 0
     every_joint: bool = False  # needs an equation per joint, not the power of all joints
-    # stops or chooses by the validation part, which it does not train on
-    uses_validation: bool = False
+    uses_validation: bool = False  # stops or chooses by the validation part, not trained on
     takes_log: bool = False  # gets the keyword `log`, the `Origin` of the samples or None
     # name of an input that only this method needs → reader of its file
     files: Mapping[str, Callable[[Path, Library], Any]] = field(default_factory=dict)
     unfiltered: bool = False  # works on the unfiltered recording, so that no low-pass is missed
     columns: tuple[str, ...] | None = None  # friction columns that it can use; None for any
     default_columns: tuple[str, ...] = ()  # friction columns that it is given where none are named
-    # what it does instead of minimising the weighted loss L; empty where it does
-    objective: str = ""
+    objective: str = ""  # what it minimises instead of the weighted loss L; empty for L
     when_recommended: str = ""  # half a sentence that follows where a comparison recommends it
     takes_preset: bool = False  # has settings to choose from
     takes_prior: bool = False  # uses a file of inertial priors
@@ -48,8 +46,7 @@ class Method:
     # whether a preset (a name, settings or None) draws samples one by one; None where no preset
     # does
     in_batches: Callable[[Any], bool] | None = None
-    # reads the friction beyond φ that it learned from its `facts`, for result files
-    learned: Callable[[Any], Learned] | None = None
+    learned: Callable[[Any], Learned] | None = None  # reads learned friction beyond φ from `facts`
 
     @property
     def heading(self) -> str:

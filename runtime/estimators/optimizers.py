@@ -131,5 +131,4 @@ class LevenbergOptions:
     max_iterations: int = 200  # steps tried, accepted or not
     first_damping: float = 1e-8  # μ at the start, relative to the largest squared column of J
     step_tolerance: float = 1e-12  # stop when ‖δ‖ falls below this fraction of ‖x‖
-    # stop when a step lowers L by less than this fraction, as predicted
-    decrease_tolerance: float = 1e-12
+    decrease_tolerance: float = 1e-12  # stop where a predicted decrease of L is less than this

@@ -247,11 +247,9 @@ class PriorFile:
     # π0 of the type of robot, (10 n,) [kg, kg·m, kg·m²], in place of the URDF's; None where the
     # file states none
     centre: Array | None = None
-    # friction coefficients of the type; None where the file states none
-    friction: KnownFriction | None = None
+    friction: KnownFriction | None = None  # friction coefficients of the type; None if not stated
     units: int = 0  # number of units of the fleet that the prior was computed from; 0 for none
-    # least noise of the torque of the type; None where the file states none
-    noise: NoiseFloor | None = None
+    noise: NoiseFloor | None = None  # least torque noise of the type; None if not stated
 
     @property
     def friction_model(self) -> Friction | None:

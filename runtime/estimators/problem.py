@@ -33,11 +33,9 @@ class Origin:
 
     recording: Recording  # the training recording before it was prepared and split
     friction: Friction  # names and width of the friction columns
-    # another recording on the same clock, prepared alike → its rows of the training samples
-    aligned: Callable[[Recording], Samples]
+    aligned: Callable[[Recording], Samples]  # recording of the same clock → its training rows
     span: tuple[float, float]  # first and last instant of the training samples, s
-    # what single methods need beyond the log, by name
-    inputs: Mapping[str, Any] = field(default_factory=dict)
+    inputs: Mapping[str, Any] = field(default_factory=dict)  # what single methods need, by name
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,8 +91,7 @@ class Problem:
     weights: Array  # diagonal of W, (n,) [1/(N·m)²]
     start: Array  # λ of the first guess, (10 n,)
     seed: int = 0  # seed of the mini-batches
-    # called with iteration and best validation loss
-    progress: Callable[[int, float], None] | None = None
+    progress: Callable[[int, float], None] | None = None  # gets iteration, best validation loss
     # all samples of "train" or "validation", piece by piece, where `train` and `validation` hold
     # only some of them
     pieces: Callable[[str], Iterable[Samples]] | None = None
@@ -104,8 +101,7 @@ class Problem:
     column_names: tuple[str, ...] = ()
     left_out: Mask | None = None
     friction_prior: FrictionPrior | None = None  # of φ, for map
-    # least noise of the rows, for map; None where the residuals show the noise
-    noise_floor: NoiseFloor | None = None
+    noise_floor: NoiseFloor | None = None  # of the rows, for map; None: by the residuals
 
     def statistics(self, weights: Array | None = None) -> Statistics:
         """Compressed training samples, with the weights of the problem unless others are given."""
@@ -152,13 +148,11 @@ class Fit:
     status: str  # how the estimator ended, one sentence
     iterations: int | None = None  # number of steps; None for closed forms
     trace: Trace | None = None  # losses on the way, where the method records them
-    # smallest loss of any consistent model, where the method has computed it anyway
-    optimum: float | None = None
+    optimum: float | None = None  # smallest loss of any consistent model, if the method has it
     notes: tuple[str, ...] = ()  # further sentences on how the result came about
     weights: Array | None = None  # diagonal of W, where the method has estimated it, (n,)
     statistics: Statistics | None = None  # of the training samples with these weights
-    # of the residuals with these weights, where the method estimates it
-    coloured_noise: ColouredNoise | None = None
+    coloured_noise: ColouredNoise | None = None  # with these weights, where it is estimated
     learned: Learned | None = None  # friction beyond φ, where the method learned one
     # smallest relative eigenvalue of the links before thin axes were raised; None where the method
     # raises none

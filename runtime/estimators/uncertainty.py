@@ -85,19 +85,15 @@ class Uncertainty:
     n_samples: int  # n_samples, n_eff: number of training samples, and effective sample size
     n_eff: float
     inflation: float  # N / N_eff, 1 for white noise
-    # share of lags, per joint, whose autocorrelation a white residual could have, (n,)
-    white: Array
+    white: Array  # share of lags, per joint, with an autocorrelation of white noise, (n,)
     rank: int  # number of directions of β that the motion excites, of n_b
     # number of directions of π in which the data carry ten times the information of the prior, at
     # most n_b
     determined: int
     conditioning: float  # weakest over strongest excited direction
-    # what the posterior is computed from; None where it was not kept
-    information: LogInformation | None = None
-    # what the data contradict, and what they cannot show
-    tests: ModelTests = field(default_factory=ModelTests)
-    # N / N_eff that the low-pass filter leaves of white noise, 1 without a filter
-    filtered: float = 1.0
+    information: LogInformation | None = None  # source of the posterior; None if not kept
+    tests: ModelTests = field(default_factory=ModelTests)  # contradictions, and what is not shown
+    filtered: float = 1.0  # N / N_eff that the low-pass filter leaves of white noise, else 1
     # what the m columns of nuisance torque move φ at known π, (n k, m)
     phi_nuisance: Array = field(default_factory=lambda: np.zeros((0, 0)))
     gain_sigma: float = 0.0  # relative σ of every torque gain that the root contains

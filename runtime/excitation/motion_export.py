@@ -45,8 +45,7 @@ class MotionFormat:
     name: str  # word by which a user selects it
     suffix: str  # end of the file name, with its dot
     sentence: str  # what the file holds, for help texts
-    # writes the motion at a sampling rate [Hz] to a path, atomically
-    write: Callable[[CertifiedMotion, float, Path], None]
+    write: Callable[[CertifiedMotion, float, Path], None]  # motion, rate [Hz], path; atomic
     rate: float = 1000.0  # sampling rate where the user states none, Hz
 
 

@@ -65,11 +65,8 @@ class MotionProfile:
     joints: tuple[str, ...]  # n names
     units: tuple[str, ...]  # rad or m per joint
     t: Array  # (N,) s, from 0 to t_f
-    # q, dq, ddq, dddq and the torque, with viscous friction where it is known, each (N, n)
-    motion: dict[str, Array]
-    # their limits, under the same names; that of the torque is the share that may be used, less
-    # Coulomb friction
-    bands: dict[str, Band]
+    motion: dict[str, Array]  # q, dq, ddq, dddq, torque (viscous friction where known), (N, n)
+    bands: dict[str, Band]  # limits by the same names; of the torque the share, less Coulomb
     shares: dict[str, Array]  # use of the limits per kind that the robot limits, (N, n) each
     tip: Array  # (N, 3) m in the base frame
     table: float | None  # height of a plane, m; None without

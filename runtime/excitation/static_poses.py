@@ -119,8 +119,7 @@ def _accuracy(gram: Array, mean: Array) -> tuple[float, float]:
 class PoseRange:
     """Range of the joints at rest and length of the approach."""
 
-    # lower, upper: ends of the poses, (n,) rad or m; the approach stays within the limits
-    lower: Array
+    lower: Array  # lower, upper: ends of the poses, (n,) rad or m; limits for the approach too
     upper: Array
     approach: Array  # s, (n,) rad or m
     assumptions: tuple[str, ...]  # ranges that the robot does not state, as sentences

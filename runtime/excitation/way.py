@@ -212,8 +212,7 @@ _SLOWER = (1.02, 1.5)  # least and largest factor of the duration from one attem
 class Way:
     """A way to the start of a motion."""
 
-    # from the present pose to the start; None where the robot stands there already
-    trajectory: Trajectory | None
+    trajectory: Trajectory | None  # from the present pose to the start; None if it is there already
     corners: int = 0  # number of corners of the polyline, 0 for a straight way
 
 

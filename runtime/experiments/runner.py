@@ -33,8 +33,7 @@ class Request:
     trials: int = DEFAULT_TRIALS  # number of trials of studies that do not fix it
     seed: int | None = None  # of the trials; None for the default of each study
     scheduler: str | None = None  # address of a dask cluster; None computes on this machine
-    # on this machine; None for one per core. The rows do not depend on it
-    threads: int | None = None
+    threads: int | None = None  # on this machine; None: one per core. Rows do not depend on it
     fresh: bool = False  # remove earlier trials of the study
     command: str = ""  # command line, for the provenance
     # called with the name of the study, finished trials, and all trials

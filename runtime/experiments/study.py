@@ -55,8 +55,7 @@ class View:
     series: tuple[str, ...] = ()  # names in series.npz, for a figure
     axes: tuple[str, str] = ("", "")  # labels of x and y, for a figure
     document: str = ""  # id of its numbers in document_numbers.toml, where it differs from `id`
-    # how a table shows several rows: std (mean ± deviation) or quartiles (median and quartiles)
-    spread: str = "std"
+    spread: str = "std"  # of several rows in a table: std (mean ± deviation) or quartiles
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,10 +63,8 @@ class StudyOutcome:
     """Results of all rows of a study."""
 
     series: dict[str, Array] = field(default_factory=dict)  # arrays by name
-    # facts of the data: rates, counts, filters, condition numbers
-    facts: dict[str, Any] = field(default_factory=dict)
-    # further rows of trials.parquet, computed from all trials
-    rows: list[Row] = field(default_factory=list)
+    facts: dict[str, Any] = field(default_factory=dict)  # rates, counts, filters, conditions
+    rows: list[Row] = field(default_factory=list)  # of trials.parquet, computed from all trials
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,17 +73,14 @@ class Study:
 
     name: str  # name of its folder
     title: str  # displayed title
-    # (prepared, numbers, threads) → rows; a row depends on its trial number only
-    run: Callable[[Any, range, int], list[Row]]
+    run: Callable[[Any, range, int], list[Row]]  # (prepared, numbers, threads) → independent rows
     finish: Callable[[Any, list[Row]], StudyOutcome]  # (prepared, all rows) → series and facts
     views: tuple[View, ...]  # its tables and figures
     config: StudyConfig = FixedConfig()  # default; its seed may be replaced
-    # (library, config, arrays of `needs`) → prepared input of `run` and `finish`
-    prepare: Callable[[Library, Any, Arrays], Any] = library_alone
+    prepare: Callable[[Library, Any, Arrays], Any] = library_alone  # → input of `run`, `finish`
     cases: Mapping[str, str] = field(default_factory=dict)  # cases, methods: name → a sentence
     methods: Mapping[str, str] = field(default_factory=dict)
-    # facts of the robot that belong to the config
-    robot_facts: Callable[[Library], Mapping[str, Any]] | None = None
+    robot_facts: Callable[[Library], Mapping[str, Any]] | None = None  # of the robot
     trials: int | None = None  # fixed number of trials; None where the request determines it
     takes_seed: bool = True  # False where another seed would change the input of other studies
     needs: tuple[str, ...] = ()  # studies whose series are needed

@@ -248,12 +248,10 @@ class MonteCarloConfig:
     cases: tuple[Case, ...]
     seed: int = 0  # of all trials
     rate_hz: float = 100.0  # of the samples
-    # Table 5.1; its stopping threshold (2e-6) is not in the document
-    adam: Preset = PRESETS["simulation"]
+    adam: Preset = PRESETS["simulation"]  # Table 5.1; its threshold (2e-6) is not in the document
     configurations: int = 50  # number of configurations at which mass matrices are compared
     curve_every: int = 25  # iterations between two points of an AIRM curve
-    # amplitude of Eq. 5.5 as a share of the limits, and the seed of its phases
-    sinusoid: tuple[float, int] = (0.5, 0)
+    sinusoid: tuple[float, int] = (0.5, 0)  # Eq. 5.5: share of the limits, and seed of phases
 
 
 @dataclass(frozen=True, slots=True)

@@ -166,10 +166,8 @@ _HALF_RANGE = {"prismatic": 1.0}  # half range of joints without limits [m]; oth
 class MassAudit:
     """Smallest eigenvalue of M(q) + diag(J) over the joint box."""
 
-    # b, a lower bound at every q [kg·m², kg]; None where there is no proof
-    proven_bound: float | None
-    # smallest eigenvalue that the search found, an upper bound of the minimum
-    least_eigenvalue: float
+    proven_bound: float | None  # b, a lower bound at every q [kg·m², kg]; None without proof
+    least_eigenvalue: float  # smallest one by the search, an upper bound of the minimum
     at: tuple[float, ...]  # (n,) position of it [rad, m]
     samples: int  # number of uniform positions N
     # bound of the share of the box with an eigenvalue of at most 0, with 95 % confidence; 0 with a
@@ -276,13 +274,11 @@ class Evaluation:
     method: str  # that identified the model
     joints: tuple[str, ...]
     units: tuple[str, ...]  # of the torques of the joints
-    # of the URDF (`before`) and of the model (`after`), per joint and overall: % of the RMS torque
-    torque_error_percent: ErrorPercent
+    torque_error_percent: ErrorPercent  # URDF, model; per joint, overall: % of RMS torque
     torque_rms: ErrorRms  # the same [N·m, N]
     mass_matrix: MassAudit  # whether M(q) with the rotors is positive definite over the limits
     fitted_share: float  # share of the rows that the model was fitted to
-    # of positions predicted from the commands of a control law; None for a measured torque
-    position_errors: PositionErrors | None
+    position_errors: PositionErrors | None  # predicted by a control law; None: a torque log
     notes: tuple[str, ...]  # what to know about the comparison, sentences
 
     @property

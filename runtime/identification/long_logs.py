@@ -75,12 +75,9 @@ class Blocks:
     instants: Array
     half_step: float  # half of the time step [s]; edges lie between two rows
     spool: Spool  # temporary file of prepared rows
-    # index of a block → place of its prepared rows; None where the arm rests
-    kept: dict[int, "_Kept | None"] = field(default_factory=dict)
-    # first and last instant of the prepared rows of the part [s]
-    span: tuple[float, float] = (-np.inf, np.inf)
-    # first instant that is taken of the blocks [s]: those of the training part may include others
-    first: float = -np.inf
+    kept: dict[int, "_Kept | None"] = field(default_factory=dict)  # block → place; None at rest
+    span: tuple[float, float] = (-np.inf, np.inf)  # ends of the prepared rows of the part [s]
+    first: float = -np.inf  # first instant of the blocks [s]; a training part may have others
     # index of a block → columns with a memory at its first row, by the block before, (n, m)
     states: dict[int, Array] = field(default_factory=dict)
 

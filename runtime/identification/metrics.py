@@ -16,8 +16,7 @@ CONSISTENCY_TOLERANCE = 1e-12  # a link is consistent when P_k ⪰ −1e-12 tr(P
 class TorqueError:
     """Torque-prediction error of one model on one set of samples."""
 
-    # 100 ‖τ_j − τ̂_j‖ / ‖τ_j‖ per joint (Eq. 5.1); NaN where τ_j is zero throughout
-    percent: Array
+    percent: Array  # 100 ‖τ_j − τ̂_j‖ / ‖τ_j‖ per joint (Eq. 5.1); NaN where τ_j is always 0
     overall: float  # the same over all joints together
     rms: Array  # root mean square of τ_j − τ̂_j per joint, N·m or N
 

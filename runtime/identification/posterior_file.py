@@ -46,10 +46,8 @@ class SavedPosterior:
     information: LogInformation  # data and prior
     pi: Array  # π of the result, (10 n,)
     pi_root: Array  # L_π, root of the covariance of π, (10 n, columns)
-    # number of logs with offsets of their own; 0 for one log. The offset is their mean
-    logs: Annotated[int, Meta(ge=0)]
-    # what the m columns of L_π behind the first 10 n move φ at known π, (n k, m)
-    phi_nuisance: Array | None = None
+    logs: Annotated[int, Meta(ge=0)]  # logs with offsets of their own, whose mean is stated
+    phi_nuisance: Array | None = None  # by the m columns of L_π behind 10 n at known π, (n k, m)
     gains: Annotated[int, Meta(ge=0)] = 0  # columns of torque gains before the last of L_π
     joints: int = 0  # number n of joints, the rows of φ; the library states it
 

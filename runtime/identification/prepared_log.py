@@ -52,8 +52,7 @@ class PreparedLog:
     """A log with its preparation, split and friction columns."""
 
     recording: Recording  # the log, or its first rows where it is streamed
-    # filter, decimation and form of the equations; None for those of the recipe
-    preparation: Preparation | None
+    preparation: Preparation | None  # filter, decimation, equations; None: of the recipe
     split: Split | None  # training, validation and test parts; None for those of the recipe
     friction: Friction | None  # friction columns; None for those of the recipe
     notes: tuple[str, ...] = ()  # sentences about what was chosen automatically

@@ -56,8 +56,7 @@ class Assembly:
     problem: Problem  # data, weights and first guess
     parts: Parts  # prepared training, validation and test recording
     friction: Friction  # names and widths of the friction columns
-    # whether the parts are cut from the same logs; else the test is a log of its own
-    is_cut: bool = True
+    is_cut: bool = True  # the parts are cut from the same logs; else the test is a log itself
     logs: tuple[str, ...] = ()  # names of several logs; empty for one
     # name of a part → its recordings, one piece at a time, where `parts` hold only some of the
     # rows; None where `parts` are whole
@@ -65,8 +64,7 @@ class Assembly:
     notes: tuple[str, ...] = ()  # sentences on what was left out
     source_note: str = ""  # sentence on how a streamed log was read, the last one of its result
     is_joined: bool = False  # the training part includes the validation part
-    # log behind the samples of the training part, for methods that simulate or filter
-    origin: Origin | None = None
+    origin: Origin | None = None  # log behind the training samples, to simulate or filter
     # adds to the result what the kind of log has beyond others: figures of all rows of a streamed
     # log, the comparison of several logs. It is given the fit of an assembly
     finish: Callable[[Identification, "FitOfAssembly"], Identification] | None = None

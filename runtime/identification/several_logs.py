@@ -63,8 +63,7 @@ class NamedLog:
     name: str  # name in a report; unique among the logs
     recording: Recording  # as read
     preparation: Preparation | None = None  # steps of its preparation; None is that of its recipe
-    # π of a known payload, added to that of the links, (10 n,); None for none
-    carried: Array | None = None
+    carried: Array | None = None  # π of a known payload, added to the links', (10 n,)
 
 
 def agreement_of(

@@ -50,10 +50,8 @@ class UnitStatistics:
     unit: str  # name of the unit
     robot: str  # name of the robot
     joints: tuple[str, ...]  # names of its joints, (n,)
-    # widths of friction columns, in the order of `WIDTHS` [rad/s, rad/s, rad]
-    widths: tuple[float, float, float]
-    # names of the k friction columns of a joint; offsets of several logs repeat
-    columns: tuple[str, ...] = ()
+    widths: tuple[float, float, float]  # of columns, in the order of `WIDTHS` [rad/s, rad/s, rad]
+    columns: tuple[str, ...] = ()  # k friction columns of a joint; offsets of logs repeat
     # standard deviation of the torque per joint that the samples are weighted by, (n,) [N·m, N];
     # None of a regressor that is not that of the torque, and of older files
     noise: Array | None = None

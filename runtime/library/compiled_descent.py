@@ -40,11 +40,11 @@ class AdamProblem:
     """One descent by Adam."""
 
     start: Array  # x = [λ, ψ]
-    # training, held: what to descend on, unless on samples, and what to stop on
-    training: LeastSquares
+    training: LeastSquares  # training, held: what to descend on, without samples, and to stop
     held: LeastSquares
-    # rows [q dq ddq tau columns], columns in units of ψ; None descends on `training`
-    samples: Array | None
+    samples: (
+        Array | None
+    )  # [q dq ddq tau columns], columns in units of ψ; None descends on `training`
     weights: Array  # diagonal of W of the samples, (n,)
 
 

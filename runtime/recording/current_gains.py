@@ -25,10 +25,8 @@ class CurrentGains:
 
     channels: tuple[str, ...]  # names of the joints, or of the motors where the gear couples them
     gain: Array  # k̂, (n,) N·m/A or N/A; that of `UNSEEN` channels is the median of the others
-    # standard deviation with the URDF as prior, (n,) N·m/A or N/A; NaN for `UNSEEN`
-    sigma: Array
-    # relative standard deviation of k_j/k_r without the URDF, (n,); NaN likewise
-    ratio_sigma: Array
+    sigma: Array  # σ with the URDF as prior, (n,) N·m/A or N/A; NaN for `UNSEEN`
+    ratio_sigma: Array  # relative σ of k_j/k_r without the URDF, (n,); NaN likewise
     reference: int  # channel r
     verdicts: tuple[str, ...]  # per channel, one of `VERDICTS`
     scale: str  # what fixes the common factor, a phrase

@@ -87,12 +87,10 @@ class Raw:
 
     plan: Recipe  # which part of which file is what, in which unit, sign, order and gear
     recipe: Recipe | None  # as chosen, None by the default convention
-    # kind of signal ("time", "position", …) → its rows, in the units of the files
-    tables: dict[str, LogTable]
+    tables: dict[str, LogTable]  # signal ("time", "position", …) → rows, in the files' units
     kept: Integers  # the rows that are whole in all of them
     dropped: tuple[str, ...]  # sentences about the others
-    # texts of an NPZ by `write_recording`, or joint names of a bag
-    names: dict[str, tuple[str, ...]]
+    names: dict[str, tuple[str, ...]]  # texts of our NPZ, or joint names of a bag
     motors: NDArray | None  # directions of coupled motors, of an NPZ by `write_recording`
     name: str  # of the recording
     source: Mapping[str, str]  # file name → sha256

@@ -325,8 +325,7 @@ class Recording(Framed):
 class DerivedSignal:
     """A further signal that follows from a recording."""
 
-    # recording → (N, n), or None where it has no such signal
-    function: Callable[[Recording], Array | None]
+    function: Callable[[Recording], Array | None]  # → (N, n); None without the signal
     source: str  # table of the recipe that gives it, for messages
 
 

@@ -22,14 +22,11 @@ class JointMotion:
     """Motion from which friction columns are computed; every column needs dq."""
 
     dq: Array  # (N, n) joint velocities [rad/s, m/s]
-    # (N, n) joint positions of successive instants [rad, m]; for dahl, load and position
-    q: Array | None = None
+    q: Array | None = None  # (N, n) successive positions [rad, m]; for dahl, load, position
     ddq: Array | None = None  # (N, n) joint accelerations [rad/s², m/s²]; for rotor
     lib: Library | None = None  # library of the robot; for load and position
-    # (N, n) state of friction with a memory where it is known; None for that of the path q
-    zeta: Array | None = None
-    # name → (N, n) further signals of the log, for columns whose record names them
-    signals: Mapping[str, Array] = field(default_factory=dict)
+    zeta: Array | None = None  # (N, n) known state of friction with a memory; None: by path q
+    signals: Mapping[str, Array] = field(default_factory=dict)  # name → (N, n) of the log
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,41 +35,33 @@ class FrictionColumn:
 
     name: str  # as a user writes it
     sentence: str  # its equation
-    # motion (N, n) and widths → (N, n) column
-    function: "Callable[[JointMotion, Friction], Array]"
+    function: "Callable[[JointMotion, Friction], Array]"  # motion (N, n), widths → (N, n)
     widths: tuple[str, ...] = ()  # names of the widths of `Friction` that it depends on
     # names of the signals of a log that it needs beside the motion: those of [extra] in the recipe,
     # or of `runtime.recording.recording.DERIVED`
     signals: tuple[str, ...] = ()
-    # linear in q, dq and ddq, so that it may be computed after linear filters
-    is_linear: bool = False
+    is_linear: bool = False  # in q, dq and ddq, so that it may follow linear filters
     is_constant: bool = False  # independent of the motion
     is_passive: bool = True  # takes power from the joint wherever φ ≥ 0
     is_nonnegative: bool = False  # φ of a real joint is ≥ 0, whatever the other columns are
-    # the acceleration of the joint or motor, an inertia rather than friction
-    is_inertial: bool = False
-    # one coefficient for all joints, the column is a torque on each of them
-    is_shared: bool = False
+    is_inertial: bool = False  # of the acceleration of joint or motor, not friction
+    is_shared: bool = False  # one coefficient for all joints; a torque on each of them
     has_memory: bool = False  # depends on the path, not on the present motion alone
     takes_memory: bool = False  # depends on the path, too, where a column beside it does
     # the torque of the log itself; fits take that of the model instead
     # (`runtime.identification.single_log`)
     is_torque: bool = False
-    # its scale is that of the inertial prior, which the method has to have
-    needs_prior: bool = False
+    needs_prior: bool = False  # its scale is that of the inertial prior, which is needed
     prior_sigma: float = inf  # standard deviation of φ about 0 without a log
-    # at the speed of motors that drive several joints (`friction.coupled_motors`)
-    of_motors: bool = False
+    of_motors: bool = False  # of motors that drive several joints (`coupled_motors`)
     # term of simulators' joints that it stands for: "damping", "friction" (dry), "armature"; ""
     # where they have none
     model_term: str = ""
-    # the compiled simulation of the closed loop has it, under this name
-    in_closed_loop: bool = False
+    in_closed_loop: bool = False  # the compiled closed loop has it, under this name
     # speed (n,) and ε → column/dq (n,) and constant part (n,), for the Kalman filters; None where
     # they cannot use it
     secant: Callable[[Array, float], tuple[Array, Array]] | None = None
-    # what a model file without this column is valid for; "" where nothing is to be said
-    omitted: str = ""
+    omitted: str = ""  # validity of a model file without this column; "" for nothing to say
     # joints, φ (n,) and σ (n,), NaN where unknown → sentences for a result
     sentences: Callable[[Sequence[str], Array, Array], tuple[str, ...]] | None = None
 

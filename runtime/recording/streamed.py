@@ -47,10 +47,8 @@ class StreamedRecording:
     files: tuple[LogRows, ...]  # the sources of the signals
     clock: LogRows | None  # the source of the time alone
     remarks: tuple[str, ...] = ()  # sentences about the form of the files
-    # estimated gains of its motor currents; None where it states them
-    gains: CurrentGains | None = None
-    # what is added to q for the encoders, (n,) [rad, m]; None for nothing
-    bias: Array | None = None
+    gains: CurrentGains | None = None  # estimated, of motor currents; None: it states them
+    bias: Array | None = None  # added to q for the encoders, (n,) [rad, m]; None for 0
     one_at_a_time: Lock = field(default_factory=Lock)  # held while rows are read
 
     def block(self, start: int, stop: int) -> Recording:

@@ -29,8 +29,7 @@ class Converted:
     """Time and signals of a recording."""
 
     t: Array  # (N,) s
-    # q, dq, ddq, tau as far as there are any, columns (N, n, k), and further signals
-    signals: dict[str, Any]
+    signals: dict[str, Any]  # q, dq, ddq, tau if any, columns (N, n, k), further signals
     notes: tuple[str, ...]  # sentences
 
 

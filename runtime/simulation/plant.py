@@ -21,8 +21,7 @@ class Plant:
     # inertia J of every motor, reflected to its joint, kg·m². The torque sensor does not measure
     # it, but without it no controller could hold a wrist
     rotor: ArrayLike = 0.1
-    # position_noise, velocity_noise, torque_noise: standard deviations, rad, rad/s, N·m
-    position_noise: float = 0.0
+    position_noise: float = 0.0  # position_noise, velocity_noise, torque_noise: σ, rad, rad/s, N·m
     velocity_noise: float = 0.0
     torque_noise: float = 0.0
 

@@ -24,8 +24,7 @@ class DriverSettings:
     address: str = ""  # text after the colon of --driver; empty for the default
     seed: int = 0  # of the noise of the virtual robot
     truth_seed: int = 0  # of its links and sensors
-    # (n,) N·m/A of drives whose currents are measured; None where they are not given
-    gains: Array | None = None
+    gains: Array | None = None  # (n,) N·m/A of drives with measured currents; None if not given
 
 
 @dataclass(frozen=True, slots=True)

@@ -96,7 +96,7 @@ class DefaultFriction:
     """The friction model chosen for a log."""
 
     terms: Friction  # columns and widths
-    # columns of every candidate with its cross-validated mean square error over that of the noise
+    # columns of every candidate, and its cross-validated mean square error over that of the noise
     scores: tuple[tuple[tuple[str, ...], float], ...]
     sentence: str  # the choice and its reason
 
@@ -304,8 +304,7 @@ class FrictionTrial:
     """Factors of the blocks with all columns."""
 
     blocks: tuple[Statistics, ...]  # statistics of every block
-    # statistics of all other blocks together, with the prior, for each block
-    others: tuple[ColumnSolver, ...]
+    others: tuple[ColumnSolver, ...]  # per block, all other blocks together, with the prior
     joints: int  # number n of joints
 
     def scores(self, columns: tuple[int, ...]) -> Array:

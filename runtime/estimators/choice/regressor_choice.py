@@ -261,9 +261,7 @@ class Differentiation:
 
     noise: Array  # ν, (n,); 0 for a joint that stands still
     distortion: float  # δ
-    # cut-off of the filter [Hz]; without one, the frequency at which central differences amplify
-    # most
-    cutoff_hz: float
+    cutoff_hz: float  # cut-off of the filter [Hz], else the peak gain of central differences
     derivatives: int  # k, the number of derivatives taken
 
     @property

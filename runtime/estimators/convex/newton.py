@@ -91,8 +91,7 @@ class Minimum:
     loss: float  # L at π, without the share of the prior
     decrement: float  # ½ gᵀH⁻¹g, how far the cost is above its minimum, to second order
     steps: int  # Newton steps
-    # whether the decrement is small enough; else π is the last point that was better
-    converged: bool
+    converged: bool  # the decrement is small enough; else π is the last better point
 
     def hessian(self) -> Array:
         """Hessian of the whole cost at π, (10 n, 10 n)."""

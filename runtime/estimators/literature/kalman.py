@@ -73,8 +73,7 @@ class FilterInput:
     dt: float  # step, s
     q: Array  # q, tau: (N, n)
     tau: Array
-    # speed, acceleration, torque_rate: v̄, ā and τ̇ in the middle of every step, (N − 1, n)
-    speed: Array
+    speed: Array  # speed, acceleration, torque_rate: v̄, ā and τ̇ mid-step, (N − 1, n)
     acceleration: Array
     torque_rate: Array
     sigma_q: Array  # sigma_q, sigma_tau: standard deviations of their noise, (n,)

@@ -80,8 +80,7 @@ class Cause:
     share: float  # RMS of the torque that it makes over that of the whole torque, in N·m and N
     statistic: float  # T
     threshold: float  # value that T seldom exceeds where the cause is absent
-    # of a tilt, change of gravity [m/s²], (3,)
-    vector: Array = field(default_factory=lambda: np.zeros(3))
+    vector: Array = field(default_factory=lambda: np.zeros(3))  # change of gravity [m/s²] by a tilt
     # whether size and σ are those of a fit with the cause. A delay is none of the columns beside
     # which friction, whose stroke looks like a delay, takes up a part of it
     is_measured: bool = True

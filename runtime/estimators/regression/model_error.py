@@ -173,8 +173,7 @@ class FrictionTest:
     """Result of the test."""
 
     excess: float  # statistic of all joints over the value that it seldom exceeds
-    # excess of the columns of every joint alone, (n,); zeros where `excess` is 1 or less
-    joints: Array
+    joints: Array  # excess of the columns of each joint alone, (n,); 0 where `excess` ≤ 1
 
     @property
     def is_contradicted(self) -> bool:
@@ -279,8 +278,7 @@ class NuisanceTorque:
     """Nuisance torque of a free fit."""
 
     scores: Array  # Qᵀ N λ, in the basis Q of the fit, (p, m)
-    # Qᵀ N [C_s^½, s̄] of s | r ~ N(s̄, C_s), which the error of the fit has, (p, m + joints)
-    error: Array
+    error: Array  # Qᵀ N [C_s^½, s̄] of s | r ~ N(s̄, C_s), error of the fit, (p, m + joints)
     moved: Array  # Qᵀ N s̄, (p,)
     mean: Array  # most probable torque beside the columns of the fit, weighted, (N, n)
 

@@ -31,9 +31,7 @@ DETERMINED = 0.1  # posterior over prior variance below which the data determine
 class Posterior:
     """Normal posterior of p unknowns of linear rows."""
 
-    # x̂, (p,), or (p, k) of k right-hand sides; 0 without one. Over unit columns it is of least
-    # length
-    mean: Array
+    mean: Array  # x̂, (p,), or (p, k) of k right-hand sides, of least length; 0 without one
     root: Array  # R, C = R Rᵀ, (p, r)
     sizes: Array  # singular values of the unit columns, or in units of the prior, descending
     absent: Array  # scaled directions that the rows do not determine, (p − r, p); none with a prior

@@ -38,14 +38,11 @@ class Samples:
 
     q: Array  # q, dq: joint positions and velocities, (N, n) [rad, m and their derivatives]
     dq: Array
-    # ddq, (N, n); None for rows without accelerations, which have `base`
-    acceleration: Array | None
+    acceleration: Array | None  # ddq, (N, n); None for rows without it, which have `base`
     tau: Array  # torque (N, n) [N·m, N], or the power (N, 1) [W] where `base` is that of energy
     columns: Array  # friction columns, (N, n, k)
-    # motors that drive several joints, where columns belong to such
-    coupling: Coupling | None = field(default=None, kw_only=True)
-    # Y_b of every sample, (N, m, n_b), where it is not a function of q, dq and ddq
-    base: Array | None = field(default=None, kw_only=True)
+    coupling: Coupling | None = field(default=None, kw_only=True)  # of motors of several joints
+    base: Array | None = field(default=None, kw_only=True)  # Y_b, (N, m, n_b), if not of q, dq, ddq
 
     def __len__(self) -> int:
         return len(self.q)

@@ -162,8 +162,7 @@ class Obstacle:
     name: str  # in certificates
     center: tuple[float, ...]  # (3,) m
     size: tuple[float, ...] = (0.0, 0.0, 0.0)  # lengths of the edges, (3,) m; zeros are a sphere
-    # roll, pitch, yaw of the box, Rz(yaw) Ry(pitch) Rx(roll), rad
-    rpy: tuple[float, ...] = (0.0, 0.0, 0.0)
+    rpy: tuple[float, ...] = (0.0, 0.0, 0.0)  # Rz(yaw) Ry(pitch) Rx(roll) of the box, rad
     radius: float = 0.0  # of the rounding, m
 
     def __post_init__(self) -> None:

@@ -36,20 +36,13 @@ class Safety:
     # `TABLE_MARGIN` of `distances`. Pairs that the robot allows closer than its others keep their
     # margin
     clearance: float | None = None
-    # height of a horizontal plane below which nothing may go, m in the base frame
-    table: float | None = None
-    # xmin, xmax, ymin, ymax, zmin, zmax of the tip, m in the base frame; ±inf is open
-    box: tuple[float, ...] | None = None
-    # viscous, coulomb: friction per joint, N·m·s/rad and N·m, or empty
-    viscous: tuple[float, ...] = ()
+    table: float | None = None  # nothing goes below this height, m in the base frame
+    box: tuple[float, ...] | None = None  # xmin, xmax, … zmax of the tip, base frame, m; ±inf: open
+    viscous: tuple[float, ...] = ()  # viscous, coulomb: per joint, N·m·s/rad and N·m, or empty
     coulomb: tuple[float, ...] = ()
-    # body in the hand, part of torques and distances; None is an empty hand
-    carried: CarriedBody | None = None
-    # bodies fixed in the base frame that the links keep away from
-    obstacles: tuple[Obstacle, ...] = ()
-    # half-widths of the inertial parameters of all links within which torques and their rates keep
-    # the limits, (10 L,), or empty
-    band: tuple[float, ...] = ()
+    carried: CarriedBody | None = None  # body in the hand, part of torques and distances
+    obstacles: tuple[Obstacle, ...] = ()  # fixed in the base frame; links keep away from them
+    band: tuple[float, ...] = ()  # half-widths of π within which torques keep limits, (10 L,)
     friction_band: float = 0.0  # half-width of viscous and Coulomb friction, as a share of both
 
     @property

@@ -35,15 +35,13 @@ class Use:
     # jerk, position and velocity of dependent joints, torque, torque rate, tip box, tip speed,
     # self-collision, table, obstacle
     kind: str
-    # largest use over all t; 1 is the limit itself. For distances it is 1 + (limit − value)/0.1 m
-    bound: float
+    bound: float  # largest use over all t; 1 is the limit; distances: 1 + (limit − value)/0.1 m
     where: str  # joint, axis, pair or proxy of the largest use
     time: float  # its time, s; to one step of the grid
     value: float  # quantity there, in `unit`, as the bound states it
     limit: float  # limit of the quantity
     unit: str  # of value and limit
-    # a theorem, not a second derivative measured at 1 kHz (see `constraint_bounds`)
-    is_proven: bool = True
+    is_proven: bool = True  # a theorem, not a measured second derivative (`constraint_bounds`)
     intervals: int = 0  # number of intervals of the proof
 
     @property
@@ -69,10 +67,8 @@ class Certificate:
     uses: tuple[Use, ...]  # the largest use per kind of limit that is checked
     unlimited: tuple[str, ...]  # kinds and joints for which the robot states no limit
     unchecked: tuple[str, ...] = ()  # other limits that are not checked
-    # one use per pair of links and per proxy over a table and beside an obstacle
-    distances: tuple[Use, ...] = ()
-    # mass and box of the carried body that the limits count, or "empty hand"
-    load: str = EMPTY_HAND
+    distances: tuple[Use, ...] = ()  # per pair, and per proxy over a table or at an obstacle
+    load: str = EMPTY_HAND  # mass and box of the carried body that the limits count
 
     @property
     def holds(self) -> bool:

@@ -117,18 +117,14 @@ torque of other motions."""
 class Goal:
     """A criterion for one robot, home and information."""
 
-    # measures of the descent in turn, with the number of iterations of each
-    stages: tuple[tuple[Measure, int], ...]
+    stages: tuple[tuple[Measure, int], ...]  # measures of the descent in turn, and iterations
     target: Measure  # measure of the last stage; its exponential has the unit of the criterion
-    # part of the target without its smooth log cond; None where it has none
-    errors: Measure | None = None
-    # weight of log cond W̄_b, which compares starts together with `errors`
-    condition_share: float = 0.0
+    errors: Measure | None = None  # the target without its smooth log cond, if it has one
+    condition_share: float = 0.0  # weight of log cond W̄_b beside `errors` at starts
     # logs of single errors which, with log cond W̄_b, choose among starts that are nearly as good
     # as the best, see `choice`
     balanced: tuple[Measure, ...] = ()
-    # measure of the last descent, of the best start alone; None is the target
-    last: Measure | None = None
+    last: Measure | None = None  # measure of the last descent, of the best start; None: target
 
 
 @dataclass(frozen=True, slots=True)

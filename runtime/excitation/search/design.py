@@ -200,21 +200,15 @@ class Design:
     trajectory: Trajectory  # the motion, within its limits at 1 kHz
     condition: float  # cond of the column-normalised base regressor at `COST_SAMPLES` samples
     conditions: tuple[float, ...]  # the same for every start that ended, in order
-    # largest |value| / limit at 1 kHz per kind of limit; 1 is the limit itself
-    use: dict[str, float]
-    # limits that the robot does not state, and the values used instead
-    assumptions: tuple[str, ...]
+    use: dict[str, float]  # largest |value| / limit at 1 kHz per kind of limit; 1 is the limit
+    assumptions: tuple[str, ...]  # limits that the robot does not state, and values used
     criterion: str = "cond"  # quantity that was minimised, one of `CRITERIA`
     values: tuple[float, ...] = ()  # exp of the target for every start that ended, in order
     unit: str = "cond"  # unit of the values
-    # limits that were kept beyond those of the joints; None as in the document
-    safety: Safety | None = None
+    safety: Safety | None = None  # limits kept beyond the joints'; None as in the document
     unchecked: tuple[str, ...] = ()  # kinds of limits that were not checked
-    # cond of every variation of good starts that ended, in order
-    variations: tuple[float, ...] = ()
-    # number of starts and variations of a smooth criterion that ended far behind the best of the
-    # rounds before, where they are given up
-    behind: int = 0
+    variations: tuple[float, ...] = ()  # cond of every variation that ended, in order
+    behind: int = 0  # starts and variations that ended far behind the best of earlier rounds
 
 
 @one_blas_thread

@@ -88,8 +88,7 @@ class Projection:
     rows: Array  # R, (K, N, n, k)
     shares: Array  # X, (K, n, m, k)
     slopes: Array  # ∂F/∂dq, (K, N, n, m)
-    # A of every joint, (n, N, N) or (1, N, N), which rows and columns have passed; None without
-    filtered: Array | None = None
+    filtered: Array | None = None  # A per joint, (n, N, N) or (1, N, N), if rows passed it
 
     def seed_of_speed(self, seed: Array) -> Array:
         """Gradient in dq, (K, N, n), by way of the friction columns."""
@@ -182,8 +181,7 @@ class Information:
     earlier: Array | None = None  # G₀ of earlier logs over β, (n_b, n_b); None without
     columns: Array | None = None  # T, (n_b, k); None is the identity
     friction: tuple[str, ...] = ()  # columns of every joint that are estimated beside the unknowns
-    # of the noise, and the planned filter; None is white noise and no filter
-    spectrum: NoiseSpectrum | None = None
+    spectrum: NoiseSpectrum | None = None  # of noise and planned filter; None: white, no filter
     # places in β of the parameters that T leaves out one by one, because no motion shows them
     # (`unseen_parameters`); empty where T is a payload's
     left_out: tuple[int, ...] = ()

@@ -42,12 +42,10 @@ class Score:
     samples: int  # equally spaced, both ends included
     columns: int  # number of columns of the regressor, friction included
     friction: tuple[str, ...]  # names of its columns, empty without
-    # cond of those columns of this motion, each of unit length; without earlier logs
-    condition: float
+    condition: float  # cond of these columns at unit length, by this motion without earlier logs
     relative_error: float  # RMS over the unknowns of σ / size
     torque_error: float  # RMS error of the torque on unseen motions, all joints together, N·m or N
-    # geometric mean of the half-axes of the unknowns' confidence ellipsoid, mixed SI
-    half_axis: float
+    half_axis: float  # geometric mean of half-axes of the unknowns' ellipsoid, mixed SI
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +58,7 @@ class Prediction:
     payload_only: bool  # the unknowns are the ten of the last link, not the base parameters
     scores: tuple[Score, ...]  # without and with friction, at each of `SAMPLES`
     sigma: Array  # standard deviations of the unknowns, (k,) SI; friction is not estimated
-    # the same with friction; None where it is not identifiable from this motion
-    sigma_with_friction: Array | None
+    sigma_with_friction: Array | None  # with friction; None where it is not identifiable
     # RMS standard deviation of each joint's torque on unseen motions, (n,) N·m or N; friction is
     # not estimated
     torque: Array

@@ -80,8 +80,7 @@ class Value:
     mean: float
     std: float | None = None
     n: int | None = None
-    # first quartile, median and third quartile; empty in files without them
-    quartiles: tuple[float, ...] = ()
+    quartiles: tuple[float, ...] = ()  # first quartile, median, third; empty without them
     misprint: str = ""  # number that the document prints in its place; empty where it is the same
 
 

@@ -37,8 +37,7 @@ class BenchConfig:
     adam: Preset = PRESETS["real"]
     configurations: int = 50
     friction: Friction = SMOOTH  # friction columns of map-friction
-    # friction columns of map-dahl; their stroke is twice that of the virtual robot
-    dahl: Friction = DAHL
+    dahl: Friction = DAHL  # of map-dahl; its stroke is twice that of the virtual robot
 
 
 @dataclass(frozen=True, slots=True)

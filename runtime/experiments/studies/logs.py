@@ -39,8 +39,7 @@ class LogsConfig:
     # of the test motion, a separate design from one start with torques as large as in the document;
     # training and validation are the best two of the excitation study
     test_seed: int = 31
-    # a box: mass [kg], position and size [m] in the frame of link 7
-    payload: str = "1.8,0.01,0.02,0.167,0.1,0.08,0.1"
+    payload: str = "1.8,0.01,0.02,0.167,0.1,0.08,0.1"  # mass [kg], position, size [m], link 7
     repeats: int = 2  # number of further logs of the training motion
 
 

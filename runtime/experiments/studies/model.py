@@ -27,10 +27,8 @@ class ModelConfig:
     seed: int = 0  # of the point and of the direction
     rate_hz: float = 100.0  # sample rate [Hz]
     perturbation: float = 0.15  # relative distance of λ̄ from the truth; Δ ~ N(0, 1) per entry
-    # exponents of the largest and smallest ε, and their number
-    steps: tuple[float, float, int] = (-1.0, -7.0, 25)
-    # exponents between which the slope is fitted, above rounding errors
-    straight: tuple[float, float] = (-5.0, -2.0)
+    steps: tuple[float, float, int] = (-1.0, -7.0, 25)  # exponents of largest and smallest ε, count
+    straight: tuple[float, float] = (-5.0, -2.0)  # exponents of the slope, above rounding errors
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,8 +41,7 @@ RAN, FAILED = "ran", "failed"
 class Figures:
     """Figures of one result; the samples of every part are the same for every method."""
 
-    # train, validation and test: torque error over all joints, Eq. 5.1
-    train_percent: float
+    train_percent: float  # train, validation and test: torque error of all joints, Eq. 5.1
     validation_percent: float
     test_percent: float
     rms: Array  # of τ − τ̂ on test, (n,), N·m or N
@@ -56,10 +55,8 @@ class Figures:
     gap_to_convex_optimum: float  # (L − L*)/L* on training samples, in the weights common to all
     excited: int  # number of base parameters that the motion excites
     determined: int  # combinations of them that the data determine better than the prior does
-    # sentences on priors, joints and results that the data contradict
-    contradictions: tuple[str, ...] = ()
-    # sentences on assumptions of the intervals that the residuals contradict
-    model_errors: tuple[str, ...] = ()
+    contradictions: tuple[str, ...] = ()  # of the data to priors, joints and results
+    model_errors: tuple[str, ...] = ()  # intervals' assumptions that residuals contradict
 
 
 @dataclass(frozen=True, slots=True)

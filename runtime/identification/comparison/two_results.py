@@ -29,8 +29,7 @@ class TwoResults:
 
     setup: Table  # what was identified, how and from which data; side by side
     errors: Table  # torque errors of both, each on the test part of its own log
-    # tables of links, base parameters and friction; rows that differ are flagged
-    values: tuple[Table, ...]
+    values: tuple[Table, ...]  # of links, base parameters, friction; differences are flagged
     sentences: tuple[str, ...]  # how many values of each table differ, and which
     notes: tuple[str, ...]  # what limits the comparison
 

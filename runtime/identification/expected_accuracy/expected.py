@@ -51,8 +51,7 @@ class Knowledge:
     pi: Array  # parameters at which its curvature is taken, (10 n,), strictly consistent
     kappa: float = CAD  # weight of the prior
     earlier: Array | None = None  # information G₀ on β of earlier logs, (n_b, n_b); None for none
-    # True when the arm is known and only the payload of the last link is not
-    payload_only: bool = False
+    payload_only: bool = False  # the arm is known and only the payload of the last link not
     # distance of the model of a log from its data with hardly any prior, (10 n,); more of the same
     # motion does not reduce it. None for a planned motion
     error: Array | None = None
@@ -68,17 +67,14 @@ class Knowledge:
 class Expected:
     """Expected standard deviations after the motion."""
 
-    # of β by least squares, (n_b,) SI; None where the motion does not determine all of β
-    base: Array | None
+    base: Array | None  # of β by least squares, (n_b,) SI; None where the motion lacks some of β
     base_map: Array  # of β by MAP, (n_b,) SI
     relative: Array  # base_map over the size of β, (n_b,)
     pi: Array  # of π by MAP, (10 n,) SI
     share: Array  # posterior over prior variance of π, (10 n,), in (0, 1]
     com: Array  # of the centres of mass by MAP, (n, 3) m
     root: Array  # root of the mean squared error of π, (10 n, 10 n), with a further column for d
-    # of the ten parameters of a payload on a known arm, (10,) SI; None where the motion does not
-    # determine them
-    payload: Array | None
+    payload: Array | None  # of a payload's ten parameters on a known arm, (10,) SI; None as above
     payload_com: Array | None  # of the centre of mass of the payload, (3,) m
     # of the ten parameters of a payload without an empty run, from an arm whose links are
     # `ARM_ERROR` off, (10,) SI; None as for `payload`
@@ -254,8 +250,7 @@ class GainOfRecording:
 
     seconds: float  # further recording time, s
     motion: str  # "the same motion", or the name of another one
-    # name → 1 − σ_after/σ_now; 0 is no gain, 1 is exact knowledge; the largest first
-    gains: Mapping[str, float]
+    gains: Mapping[str, float]  # name → 1 − σ_after/σ_now; 1 is exact; the largest first
 
     @property
     def gaining(self) -> tuple[str, ...]:

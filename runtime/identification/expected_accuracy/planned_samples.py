@@ -37,12 +37,10 @@ class MotionSamples:
     name: str  # name of the file
     samples: Samples  # prepared samples; τ is 0 where none was measured
     terms: Friction  # requested friction columns
-    # names of the friction columns of the samples; a recording may contain others
-    columns: tuple[str, ...]
+    columns: tuple[str, ...]  # friction columns of the samples; a recording may have others
     rate: float  # rate of the samples, Hz
     measured: bool  # True when τ is a measured torque
-    # True when the recipe states rows of power, and these are of momentum
-    replaces_power: bool = False
+    replaces_power: bool = False  # the recipe states rows of power, these are of momentum
 
     @property
     def seconds(self) -> float:

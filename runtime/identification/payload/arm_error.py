@@ -86,8 +86,7 @@ class ArmModel:
     # root of the covariance of [β; φ] for readings of the same sensors, (n_b + n k, m); None where
     # no posterior states it
     root: Array | None = None
-    # no error of the model enters the intervals of a payload; for simulated arms
-    is_exact: bool = False
+    is_exact: bool = False  # no model error enters a payload's intervals; for simulated arms
 
 
 def arm_model(lib: Library) -> ArmModel:

@@ -36,8 +36,7 @@ class KnownPayload:
 
     mass: float  # kg
     com: Array  # centre of mass in the frame of the mount, (3,) m
-    # about the centre of mass, axes of that frame, (3, 3) kg·m²; None where unknown
-    inertia: Array | None = None
+    inertia: Array | None = None  # about the centre of mass, (3, 3) kg·m²; None where unknown
     link: str | None = None  # link that carries it; None is the link of the tip
     frame: str = ""  # frame of com and inertia; empty is that of the mount
     identified: bool = False  # True when it was identified from torques and cannot calibrate them

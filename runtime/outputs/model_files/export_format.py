@@ -25,8 +25,7 @@ class ExportFormat:
     # file name, in which {robot} stands for the name of the robot; of a folder, where `write`
     # returns several files
     file: str
-    # model → text of the file, or texts by their path in the folder
-    write: Callable[[IdentifiedModel], str | Mapping[str, str]]
+    write: Callable[[IdentifiedModel], str | Mapping[str, str]]  # text, or texts by path
     # model, what `write` returned → one sentence on how it was verified. It raises ExportError
     # where it does not describe the model, Unreadable where it cannot be read
     check: Callable[[IdentifiedModel, Any], str]

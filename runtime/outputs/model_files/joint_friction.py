@@ -84,8 +84,7 @@ class JointFriction:
     friction: Values  # dry friction [N·m, N]
     armature: Values  # rotor inertia on the joint side [kg·m², kg]
     notes: tuple[str, ...] = ()  # what these three do not represent, sentences
-    # terms, values: the identified columns and φ (n, k) [N·m or N per unit of the column]
-    terms: Friction = field(default_factory=lambda: Friction(columns=()))
+    terms: Friction = field(default_factory=lambda: Friction(columns=()))  # terms, values: φ (n, k)
     values: Array | None = None
 
     @property

@@ -26,11 +26,9 @@ from runtime.recording import Friction
 class LinkBodies:
     """Rigid bodies of the links."""
 
-    # body of every link that has one: moving links, links fixed to them, links fixed to the base
-    by_link: dict[str, RigidBody]
+    by_link: dict[str, RigidBody]  # bodies of moving links, and of links fixed to these or base
     emptied: tuple[str, ...]  # links whose inertia went to the moving link that carries them
-    # how fixed bodies were treated, one sentence per moving link that carries some
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # on fixed bodies, one sentence per moving link that carries some
 
 
 def divide_bodies(lib: Library, pi: Array, tree: Tree) -> LinkBodies:
@@ -128,8 +126,7 @@ class IdentifiedModel:
     bodies: LinkBodies  # rigid bodies of the links
     friction: JointFriction  # damping, dry friction and rotor inertia of the joints
     states: int = STATES  # number of random states at which a reloaded file is compared
-    # gains, delay and standard deviations of the drives; None where they are unknown
-    drives: Drives | None = None
+    drives: Drives | None = None  # gains, delay and σ of the drives; None where unknown
 
     def comment(self, content: str, *more: str) -> tuple[str, ...]:
         """Comment lines at the head of a file."""

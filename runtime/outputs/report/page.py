@@ -31,8 +31,7 @@ class Section:
     figure: str = ""
     items: tuple[str, ...] = ()
     group: str = ""  # heading shared with adjacent sections
-    # HTML id and text of links to the origin of the numbers
-    sources: tuple[tuple[str, str], ...] = ()
+    sources: tuple[tuple[str, str], ...] = ()  # HTML id and text of links to the numbers' origin
 
 
 @dataclass(frozen=True, slots=True)

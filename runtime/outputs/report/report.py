@@ -361,10 +361,8 @@ class ReportKind:
 
     name: str  # what wrote the folder
     accepts: Callable[[Path], bool]  # whether a folder has such results
-    # files that `write` would write into a folder of figures
-    pictures: Callable[[Path, Path], tuple[Path, ...]]
-    # the page, and tables and figures where requested; the files
-    write: Callable[..., tuple[Path, ...]]
+    pictures: Callable[[Path, Path], tuple[Path, ...]]  # files that `write` puts into a folder
+    write: Callable[..., tuple[Path, ...]]  # the page, requested tables and figures; the files
 
 
 REPORT_KINDS = Registry(

@@ -158,8 +158,7 @@ class RawFile:
 class Extras:
     """Content of a log file beside its signals."""
 
-    # "name", "joint_names", "column_names", "history" → texts
-    texts: dict[str, Texts] = field(default_factory=dict)
+    texts: dict[str, Texts] = field(default_factory=dict)  # "name", "joint_names", … → texts
     columns: LogTable | None = None  # friction columns as rows of n·k numbers
     motors: NDArray | None = None  # (n, n) directions of coupled motors
 
@@ -246,13 +245,10 @@ class LogFormat:
     suffixes: Texts  # of its files, in lower case; the first is that of files that are written
     reader: Callable[[RawFile], LogReader]  # class of its readers
     marker: str = ""  # file that makes a folder one log of this format
-    # writes a recording into an open file; None where the format is not written
-    write: Callable[[Recording, IO[bytes]], None] | None = None
+    write: Callable[[Recording, IO[bytes]], None] | None = None  # None if not written
     has_titles: bool = False  # `inspect` proposes a recipe from the titles in bare files
-    # streamed rows of the time are read without those of the signals
-    reads_time_alone: bool = False
-    # rows of two files of this format cannot be combined into one recording
-    is_one_file: bool = False
+    reads_time_alone: bool = False  # streams the rows of time without those of the signals
+    is_one_file: bool = False  # rows of two such files cannot become one recording
 
 
 def require_whole_columns(parts: Mapping[str, Signal | Time], name: str) -> None:

@@ -34,8 +34,7 @@ class Coupling:
 
     directions: Array  # R̂, (n, n)
     of_motors: tuple[bool, ...]  # (k,) whether each column belongs to motors
-    # (k,) whether each column has one coefficient for all joints, in the first row of φ
-    shared: tuple[bool, ...]
+    shared: tuple[bool, ...]  # (k,) whether φ's first row is one coefficient for all joints
     has_one_row: bool = False  # whether all are shared and φ is (1, k): rows that mix joints
 
     def torque(self, values: Array, phi: Array, column: int) -> Array:

@@ -22,8 +22,7 @@ class Reloaded:
 
     engine: str  # name and version
     tau: Array  # (N, n) inverse dynamics at `random_states`, less damping and armature [N·m, N]
-    # damping, friction, armature: (n,) as read; None where the engine does not read it
-    damping: Array | None = None
+    damping: Array | None = None  # damping, friction, armature: (n,); None where it is not read
     friction: Array | None = None
     armature: Array | None = None
 

@@ -31,8 +31,7 @@ class ReloadedStage:
     """A robot as usd-core read it from a stage."""
 
     engine: str  # name and version
-    # (n, 4, 4) pseudo-inertias; fixed bodies are summed in the frame of the moving link
-    bodies: Array
+    bodies: Array  # (n, 4, 4) pseudo-inertias; fixed bodies are in that of the moving link
     joints: dict[str, Any]  # name of a joint → its prim
     stage: Any  # to which the prims belong; they expire with it
 

@@ -76,8 +76,7 @@ SEARCHES, ITERATIONS = 2, 4
 LARGEST_STEP = np.array([2e-3, 0.5, 0.5, 0.3])
 """Largest step of delay [s], ln z_c, ln v_s and w [1/rad]: the columns are linear so far."""
 PASSES = 3  # passes in which the weights of the joints follow their residuals
-RANK_TOLERANCE = 3.2e-5
-"""Singular value of unit columns, over the largest, below which columns of friction are one."""
+RANK_TOLERANCE = 3.2e-5  # singular value, over the largest, below which unit columns are one
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -288,8 +287,7 @@ UNSEEN_RIPPLE, UNSEEN_FRICTION = 0.005, 0.3
 its friction: a slow stage shows the friction of full speed to a third."""
 ASYMMETRY, PEAK, RIPPLE = 0.2, 0.5, 0.1
 """σ over the dry friction of a joint: difference between the directions, Stribeck peak, ripple."""
-VAGUE = PriorFile(NONE, Constraints())
-"""A campaign is for arms whose URDF may be wrong, and its data determine the base parameters."""
+VAGUE = PriorFile(NONE, Constraints())  # the URDF may be wrong, and data determine all of β
 
 
 @dataclass(frozen=True, slots=True)

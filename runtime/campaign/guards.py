@@ -24,8 +24,7 @@ TRACKING = 0.02  # largest distance from the commanded position, as a share of t
 WIDEST = 0.05  # upper bound of that distance [rad, m]
 BANDWIDTH = 1000.0
 WINDOW = 0.003  # bandwidth [1/s] and window [s] of the observer: 96 % of a step after 5 ms
-ACCELERATION_NOISE = 1.0
-"""σ of M⁻¹ r by the noise of the speeds at that bandwidth [rad/s², m/s²]; encoders of 10 µrad."""
+ACCELERATION_NOISE = 1.0  # σ of M⁻¹ r by speeds at that bandwidth [rad/s², m/s²], 10 µrad encoders
 LEVEL = 5.0
 """Standard deviations from which an external torque stops the robot; a virtual FR3 at full speed
 reached 4.2 in 30 s of free motion."""

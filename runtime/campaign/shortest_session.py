@@ -234,8 +234,7 @@ def known_before(result: Identification, lib: Library) -> Array:
 
 
 FIRST = 4.0  # duration of the first motion that is tried [s]
-SHORTEST = 3.0
-"""Shortest duration that is tried [s]: in less, small joints hardly move and two runs differ."""
+SHORTEST = 3.0  # shortest duration [s]: in less, small joints hardly move and two runs differ
 LONGEST = 120.0  # longest duration that is tried [s]
 ATTEMPTS = 8
 CLOSE = 1.15

@@ -150,8 +150,7 @@ def state() -> TextColumn:
     return TextColumn("{task.fields[state]}")
 
 
-EARLIER, _NAMES = ".earlier", "names.txt"
-"""Folder of a replaced result in that of its successor, and the file of the names of both."""
+EARLIER, _NAMES = ".earlier", "names.txt"  # folder of a replaced result, file of both names
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,8 +22,7 @@ from runtime.outputs.report.report import write_report
 from runtime.recording import Preparation
 
 _WRITTEN = ("result.json", "predictions.npz", "identified.urdf", "report.html", FILE)
-_STALE = ("posterior.npz", "statistics.npz")
-"""Files of a result of identify that does not hold for other friction."""
+_STALE = ("posterior.npz", "statistics.npz")  # of a result, void with other friction
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

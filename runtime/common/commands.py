@@ -25,8 +25,7 @@ from runtime.common.terminal import VERBOSE, as_typed, flowing
 
 INTERRUPTED = 130  # exit code of Typer for Ctrl-C, where no method returns its best result so far
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # errors of an output that is full
-SMALLEST_NUMBER, LARGEST_NUMBER = 1e-12, 1e12
-"""Sizes of the numbers of options, besides 0, in SI units: beyond them results overflow."""
+SMALLEST_NUMBER, LARGEST_NUMBER = 1e-12, 1e12  # of options, besides 0 [SI]: else overflow
 CONTEXT = {"help_option_names": ["-h", "--help"]}
 
 

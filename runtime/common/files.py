@@ -23,10 +23,8 @@ from typing import IO, Any
 from runtime.common.errors import RuntimeFault
 
 DRAFT = ".symgen."  # start of the names of incomplete files; a killed process leaves them behind
-LARGEST_DOCUMENT = 2**26
-"""Largest size of a document [bytes]; the largest that is written here has a few million."""
-LARGEST_JSON, LARGEST_TOML = 2**24, 2**22
-"""Largest sizes of text that is parsed [characters]: a list takes up to 60 times its text."""
+LARGEST_DOCUMENT = 2**26  # largest document [bytes]; the largest written here has a few million
+LARGEST_JSON, LARGEST_TOML = 2**24, 2**22  # parsed text [characters]: lists take 60 times theirs
 _DIGITS = 19  # largest number of digits of an integer that is read
 _KEY_PARTS = 32  # most parts of a dotted key; the time to read one grows with their square
 _KEY_LENGTH = 1000  # largest length of a key [characters]

@@ -170,12 +170,10 @@ def _divergence(prior: Prior, pi: Array) -> Array:
 SCALE = 3.0
 """Factor between measured torque and that of the URDF beyond which the unit of the torque is the
 likeliest fault: a load of twice the own weight of an arm stays below it."""
-VISIBLE = 0.10
-"""Deviation of a torque gain that a log should show; joints whose limit is higher are named."""
+VISIBLE = 0.10  # deviation of a torque gain that a log should show; joints above it are named
 LARGEST = np.radians(10.0)  # limit of an encoder zero or tilt from which a log is said to hide it
 CERTAIN = 3.0  # change of the mass of a released link over its σ from which on it is stated
-FOLLOWS = "; the result follows the data"
-"""End of a sentence on a URDF or prior that is off, which is no reason to doubt the result."""
+FOLLOWS = "; the result follows the data"  # end of a sentence on a wrong URDF or prior
 UNFITTED = 2.0
 """Misfit of a result over the threshold of the test of the prior above which the method, and not
 the prior, is the cause."""

@@ -29,16 +29,14 @@ from runtime.excitation.limits.limit_rows import DEFAULT_RANGE
 from runtime.excitation.limits.safety import Safety
 from runtime.library import Array, Indices, Library
 
-SIDES = {"below": -1.0, "above": 1.0}
-"""Side from which all joints reach a pose, and the sign of the start of that approach."""
+SIDES = {"below": -1.0, "above": 1.0}  # side of the approach to a pose → sign of its start
 ROUNDING = 1e-10  # pivot over the largest that is zero: 1e-16 of rounding times a condition of 1e6
 APPROACH = 0.05  # longest approach of a joint [rad, m]: beyond the backlash of usual gears
 APPROACH_SHARE = 0.02  # longest approach as a share of the joint's range
 ATTEMPTS = 200_000  # number of random poses that are tried before the robot counts as blocked
 _CHUNK = 4096
 _WAY = (-1.0, -0.5, 0.0, 0.5, 1.0)  # checked points of the approach, in units of s
-RIDGE = 1e-9
-"""Information added to every unknown, over the mean one: sets that lack one stay comparable."""
+RIDGE = 1e-9  # information added to each unknown, over the mean: sets without it compare
 GAIN = 1e-6  # relative decrease of the trace below which an exchange does not count
 SWEEPS = 30  # largest number of sweeps over all poses; usually six are enough
 CANDIDATES = 1000  # number of feasible poses among which the design chooses

@@ -35,8 +35,7 @@ from runtime.excitation.search.design_settings import LONGEST
 from runtime.library import Array, Library, Mask
 
 STEP = 0.03  # largest step of a joint between two examined poses [rad, m]
-SPARE = 0.05
-"""Share of a limit, or distance in 0.1 m, that paths keep beyond the margins where they can."""
+SPARE = 0.05  # share of a limit, or of 0.1 m, that paths keep beyond the margins if they can
 REACH = 0.5  # longest edge of a tree, largest step of a joint [rad, m]
 MOST_POSES = 4000  # number of random poses after which no way is expected
 SHORTCUTS = 150  # number of random shortcuts that are tried

@@ -17,8 +17,7 @@ from runtime.library import Array, Library
 
 FORMAT = 1  # format number of all files; it is part of the config hash
 
-Row = dict[str, Any]
-"""One row of trials.parquet: case, method, trial, then metrics by name; `curve` is a list."""
+Row = dict[str, Any]  # of trials.parquet: case, method, trial, metrics; `curve` is a list
 Arrays = Mapping[str, Array]
 
 
@@ -107,8 +106,7 @@ def config_hash(facts: Mapping[str, Any], model_hash: str, needed: Arrays) -> st
     return digest.hexdigest()
 
 
-TORQUE = tuple(f"tau_error_{joint}" for joint in range(1, 8))
-"""Rows of the tables of torque errors in the document."""
+TORQUE = tuple(f"tau_error_{joint}" for joint in range(1, 8))  # torque errors in the document
 
 MOTION = ("t", "q", "dq", "ddq", "tau")  # series of a motion, without the prefix of the motion
 

@@ -262,8 +262,7 @@ WORSE = (
     "payload or the robot of this log differ from those of identify; run: symgen inspect {}"
 )
 
-_FILTER = ("filter", "cutoff_hz", "window_s", "order")
-"""Fields of a preparation that decide which band the torque has."""
+_FILTER = ("filter", "cutoff_hz", "window_s", "order")  # preparation's band of the torque
 
 
 @dataclass(frozen=True, slots=True, eq=False)

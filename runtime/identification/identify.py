@@ -61,8 +61,7 @@ __all__ = ["identify"]
 SEVERAL_STREAMED = (
     "several logs are read as a whole, but --settings stream=true is given; leave it out"
 )
-Source = Recording | StreamedRecording | NamedLog
-"""A log: in memory, in its file, or with its name and known payload."""
+Source = Recording | StreamedRecording | NamedLog  # in memory, in a file, with name and payload
 AnyLog = Source | Sequence[Source] | FreeBaseRecording | Sequence[FreeBaseRecording]
 """One log or several."""
 

@@ -30,8 +30,7 @@ from runtime.identification.single_log import identify_assembled
 from runtime.library import Array, Library
 from runtime.recording import Recording
 
-LEAST_SHARE = 0.1
-"""Least torque of a change that is expected of a column, over the RMS torque of its joint."""
+LEAST_SHARE = 0.1  # least torque of an expected change, over the RMS torque of its joint
 PASSES = 3  # fits, each with the weights and the noise of the residuals of the one before
 ROWS = 8192
 QUIET = 1e-6  # least residual of a joint over its RMS torque: rounding, where a model is exact

@@ -276,10 +276,8 @@ def _reach_of_edge(preparation: Preparation) -> float:
     return seconds
 
 
-WINDOWS, LENGTH = 24, 4096
-"""Windows of a part, and prepared rows in each; ten of them give noise and correlations to 1 %."""
-WHOLE_ONLY = ("validation", "test", "inputs", "robust")
-"""Fields of `Settings` that need a log held in memory."""
+WINDOWS, LENGTH = 24, 4096  # of a part; rows in each: ten give noise and correlation to 1 %
+WHOLE_ONLY = ("validation", "test", "inputs", "robust")  # `Settings` that need a log in memory
 
 
 def parts_of_log(

@@ -40,8 +40,7 @@ from runtime.recording.settings import COLUMNS, EVERYTHING
 
 PARTS = ("train", "validation", "test")
 Parts = tuple[Recording, Recording, Recording]
-WITHOUT_PRIOR = "pc-ols"
-"""Method for such a robot where none is named: consistent, and convex from any start."""
+WITHOUT_PRIOR = "pc-ols"  # for such a robot: consistent, and convex from any start
 NO_MASSES = (
     "the URDF states no <inertial>: only base parameters are determined by the data, the masses of "
     "single links are arbitrary, and errors before identification are meaningless"
@@ -81,8 +80,7 @@ class Assembly:
         return (self.parts[PARTS.index(name)],)
 
 
-FitOfAssembly = Callable[[Assembly, bool], Identification]
-"""Fit to the training part of an assembly, with or without certificates."""
+FitOfAssembly = Callable[[Assembly, bool], Identification]  # with or without certificates
 
 
 def assemble(

@@ -51,8 +51,7 @@ RETRACED = 0.8  # share of test rows near a training row above which the test is
 _NEAR = 0.05
 """Largest difference of a position or speed, over its range in training, of rows that count as
 equal: controllers repeat a motion within 1 %."""
-_TEST_ROWS, _TRAINING_ROWS = 100, 1000
-"""Rows that are compared; between those of training a joint moves by 1 % of its range."""
+_TEST_ROWS, _TRAINING_ROWS = 100, 1000  # compared; a joint moves by 1 % of its range between
 
 
 def retraced(train: Recording, test: Recording) -> float:
@@ -230,8 +229,7 @@ def still_joints(result: Identification) -> tuple[str, ...]:
     )
 
 
-AnyResult = SavedResult | Identification | str | PathLike[str]
-"""What functions on results take; a path is read by `read_result`."""
+AnyResult = SavedResult | Identification | str | PathLike[str]  # a path is read by `read_result`
 
 
 def record_of(result: Identification, command: str) -> schema.ResultRecord:

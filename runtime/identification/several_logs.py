@@ -178,8 +178,7 @@ def joined(parts: Sequence[Recording], names: Sequence[str], all_names: Sequence
     )
 
 
-ONE_LOG_ONLY = ("preparation", "validation", "test", "inputs")
-"""Fields of `Settings` that belong to one log."""
+ONE_LOG_ONLY = ("preparation", "validation", "test", "inputs")  # `Settings` of one log
 
 
 def read_carried(path: Path, lib: Library) -> Array:

@@ -32,8 +32,7 @@ from runtime.recording.settings import names_where
 _LOWERED = 5  # largest number of lower cut-offs that are tried
 WORSE = 0.05  # excess of a candidate's score over the best up to which it may replace the choice
 ROTORS = 0.7  # residual with rotor inertia over that without, below which checks of τ include it
-_STEPS = (1, 2, 4, 5, 10, 20, 25, 40, 50, 100, 200, 250, 400, 500, 1000)
-"""Factors of decimation that are proposed."""
+_STEPS = (1, 2, 4, 5, 10, 20, 25, 40, 50, 100, 200, 250, 400, 500, 1000)  # factors of decimation
 
 
 class CheckRun:

@@ -116,5 +116,4 @@ def with_base(
     return tuple(stacked(x, part, name) for x, part, name in pairs)
 
 
-ROTATION = 1e-5
-"""Largest error of R Rᵀ or of a quaternion's length: logs are often stored in single precision."""
+ROTATION = 1e-5  # error of R Rᵀ or a quaternion's length: logs are of single precision

@@ -15,10 +15,8 @@ PI_NAMES = ("m", "mX", "mY", "mZ", "XX", "YY", "ZZ", "XY", "XZ", "YZ")
 LAM_NAMES = ("mu", "x", "y", "z", "omega_1", "omega_2", "omega_3", "a", "b", "c")
 PINOCCHIO_NAMES = ("m", "mX", "mY", "mZ", "XX", "XY", "YY", "XZ", "YZ", "ZZ")
 N_PARAMETERS = len(PI_NAMES)  # parameters of one body, in π as in λ
-MASS, FIRST_MOMENT, INERTIA = 0, slice(1, 4), slice(4, N_PARAMETERS)
-"""Places of m, m·c and (XX, YY, ZZ, XY, XZ, YZ) in π of one body."""
-INERTIA_ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-"""Rows and columns of XX, YY, ZZ, XY, XZ, YZ in the inertia matrix."""
+MASS, FIRST_MOMENT, INERTIA = 0, slice(1, 4), slice(4, N_PARAMETERS)  # places in π of one body
+INERTIA_ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # XX, YY, ZZ, XY, XZ, YZ in I
 _CENTRE, _ROTATION, _AXES = slice(1, 4), slice(4, 7), slice(7, N_PARAMETERS)
 
 

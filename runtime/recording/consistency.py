@@ -25,8 +25,7 @@ its bounds [rad]: a gap of some rows moves it further, a corrupt row lies anywhe
 DEGREE = 180.0 / np.pi
 NEAR = 0.15  # relative distance of a slope from that of a unit, below which it names the unit
 FEWEST_SIGNED = 3  # joints with a varying torque, from which on one sign of all is none of gravity
-UNITS_OF_TIME = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "s declared as ms": 1e3}
-"""Slopes by unit of the time."""
+UNITS_OF_TIME = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "s declared as ms": 1e3}  # slope by unit
 
 
 def check_consistency(recording: Recording) -> Recording:

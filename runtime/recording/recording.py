@@ -22,8 +22,7 @@ from runtime.recording.notebook import Framed
 from runtime.recording.recipes.recipe import COMMANDED, MEASURED, ControlLaw, Recipe
 from runtime.recording.settings import Preparation
 
-SHORTEST_STEP, LATEST = 1e-12, 1e12
-"""Bounds of a clock in any unit of time [s]; beyond them derivatives overflow."""
+SHORTEST_STEP, LATEST = 1e-12, 1e12  # of a clock [s]; beyond, derivatives overflow
 
 
 def require_clock(t: Array) -> None:

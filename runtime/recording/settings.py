@@ -158,8 +158,7 @@ WIDTHS = {
 }
 """Width of friction columns → symbol and unit."""
 
-LEAST_SETTING = 1e-9
-"""Smallest setting, and the reciprocal of the largest [SI]: no filter, rate or width is beyond."""
+LEAST_SETTING = 1e-9  # smallest setting, 1 / the largest [SI]: no filter, rate, width beyond
 
 
 @dataclass(frozen=True, slots=True)

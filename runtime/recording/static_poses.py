@@ -18,8 +18,7 @@ REST_SPEED = 0.02  # speed below which a joint rests [rad/s or m/s]: two counts 
 WINDOW_S = 0.1  # time before and after a row over which its speed is computed [s]
 LEAST_S = 0.2  # shortest rest [s]
 APPROACH_S = 0.5  # time before a rest whose motion gives the side of the approach [s]
-LEAST_TRAVEL = 2e-3
-"""Least motion of every joint on an approach [rad, m]: above the counts of a servo's encoder."""
+LEAST_TRAVEL = 2e-3  # of every joint on an approach [rad, m]: above a servo encoder's counts
 SAME = 0.01
 """Largest distance of two visits of one pose [rad, m]: the error of a controller against friction,
 and far below the length of an approach."""

@@ -18,8 +18,7 @@ import numpy as np
 from runtime.errors import SimulationError
 from runtime.library import Array, Library
 
-LEAST_STEP = 0.004
-"""Least step [s]: half the step changes positions of servo arms by less than a count of 12 bits."""
+LEAST_STEP = 0.004  # [s]: half of it moves servo arms by less than a count of 12 bits
 FAR = 1e4  # position from which on a motion has diverged [rad, m]
 SWEEPS = 30
 DONE = 1e-9  # change of a speed at which the sweeps end [rad/s, m/s]

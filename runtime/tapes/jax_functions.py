@@ -23,8 +23,7 @@ from runtime.tapes.derivatives import DIFFERENTIABLE, KernelCall
 from runtime.tapes.functions import TapeFunctions
 
 TARGET = "symgen_kernel"
-DERIVATIVES = ("torque_derivatives", "regressor", "pi_jacobian")
-"""Kernels that the rules call beside `DIFFERENTIABLE`."""
+DERIVATIVES = ("torque_derivatives", "regressor", "pi_jacobian")  # called beside `DIFFERENTIABLE`
 
 
 class Functions(TapeFunctions):

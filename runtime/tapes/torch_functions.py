@@ -24,8 +24,7 @@ SECOND = (
     "expected first derivatives, got a second one: '{}' is a derivative already; detach it, or "
     "take differences of the first derivatives"
 )
-LIBRARIES: dict[str, "Functions"] = {}
-"""Functions by the hash of the model: an operator of torch takes tensors and text only."""
+LIBRARIES: dict[str, "Functions"] = {}  # by hash: torch takes tensors and text only
 
 
 class Functions(TapeFunctions):

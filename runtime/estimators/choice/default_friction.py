@@ -68,13 +68,10 @@ the accuracy of an orthogonal factorisation; below it the singular values decide
 EXACT = 1e-5
 """Residual over target below which rounding, not noise, separates candidates: there the singular
 values decide, whose estimate has a residual as small as rounding allows."""
-STROKES = tuple(4e-4 * 4.0**k for k in range(4))
-"""Strokes z_c of the Dahl column that are tried first, rad or m."""
+STROKES = tuple(4e-4 * 4.0**k for k in range(4))  # Dahl strokes z_c that are tried first [rad, m]
 FINER_STROKES = 2.0 ** (np.arange(-2, 3) / 2)  # factors on the best of them that are tried next
-LEAST_GAIN_OF_MORE = 0.1
-"""Share of the mean square error that a Dahl or load column must save: 5 % of the torque error."""
-SPEEDS = tuple(0.005 * 2.0**k for k in range(6))
-"""Widths ε of the Coulomb column that are tried first, rad/s or m/s."""
+LEAST_GAIN_OF_MORE = 0.1  # share of the mean square error that a Dahl or load column must save
+SPEEDS = tuple(0.005 * 2.0**k for k in range(6))  # Coulomb widths ε tried first [rad/s, m/s]
 FINER = 2.0 ** (np.arange(-3, 4) / 4)  # factors on the best of them that are tried next
 MOST_LOSS = 0.05
 """Mean square error above the best, relative to it, that a simpler candidate may have: five blocks
@@ -82,8 +79,7 @@ of a slow log differ so much that one standard error would admit any loss."""
 DEFAULT_COLUMNS = tuple(each.name for each in (OFFSET, VISCOUS, COULOMB, ROTOR))
 """Columns of the candidates without memory."""
 MEMORY = DAHL.name  # column that replaces "coulomb" where friction depends on the path
-LOADED = LOAD.name
-"""Column beside "coulomb" or "dahl" of gears whose dry friction grows with their load."""
+LOADED = LOAD.name  # beside "coulomb" or "dahl" of gears whose dry friction grows with load
 SPRINGS = SPRING  # word for columns of all springs of unknown stiffness, which every candidate has
 USABLE = (*DEFAULT_COLUMNS, MEMORY, LOADED, SPRINGS)  # columns of a method that can use all of them
 UNKNOWN = 1e3  # factor on the spread of the prior of robots whose URDF states no masses

@@ -26,14 +26,12 @@ from runtime.estimators.regression.factor import Statistics, reduce
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, pi_from_parts
 
-LENGTH = 0.1
-"""Unit of length of the scaled unknowns, m: a link's m, m·c/ℓ and I/ℓ² are then of one size."""
+LENGTH = 0.1  # unit of length of scaled unknowns, m: m, m·c/ℓ and I/ℓ² are then of one size
 SLACK = 1e-3
 """Relative loss above the optimum admitted for staying near the first guess. The optimum itself is
 often implausible: for a poorly excited arm of 16 kg it had links of 1400 kg at 1e-5."""
 BOUNDARY = 1e-6  # relative eigenvalue below which a link of the optimum is a plate or a rod
-LARGEST_WEIGHT = 4.0
-"""Mean tr(P0⁻¹ P)/4 per link up to which the path certifies the optimum; 1 is the prior."""
+LARGEST_WEIGHT = 4.0  # mean tr(P0⁻¹ P)/4 per link up to which the path certifies; 1: prior
 FINER, MORE_STEPS = 4.0, 200  # ratio and steps per γ of the second attempt at a path
 _SVEC = tuple((i, j) for j in range(4) for i in range(j + 1))
 

@@ -26,8 +26,7 @@ from runtime.estimators.regression.factor import Reduced
 from runtime.library import Array
 from runtime.library.parameters import N_PARAMETERS
 
-BARRIER = 1e-2
-"""Weight of the logarithm of a half-space relative to γ: small, so that only near points move."""
+BARRIER = 1e-2  # weight of a half-space's logarithm over γ: small, only near points move
 ROOM = 0.05  # largest distance of the first point from the constraints, in units of the prior
 LEAST_ROOM = 1e-6  # distance below which no strictly consistent point exists
 ROOM_COST = 1e4  # cost of missing distance from constraints, relative to distance from the prior

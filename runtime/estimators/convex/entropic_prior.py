@@ -36,8 +36,7 @@ THIN = 0.05
 """Eigenvalues of a prior's Σ_com below this share of their sum are raised to it: a thin axis that
 is wrong in the URDF would otherwise outweigh the data."""
 AS_STATED = 1e-4  # the same of bodies that count as stated: 1 % of their size is rounding of a file
-CAD, GRIPPER, NONE = 16.0, 4.0, 1.0
-"""Trust κ in a model from CAD, in a gripper or payload, and in a model of unknown quality."""
+CAD, GRIPPER, NONE = 16.0, 4.0, 1.0  # trust κ in CAD, a gripper or payload, an unknown model
 
 
 @dataclass(frozen=True, slots=True, eq=False)

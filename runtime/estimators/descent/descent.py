@@ -29,8 +29,7 @@ from runtime.library.compiled_descent import (
     LeastSquares,
 )
 
-NEWTON_STEPS = 600
-"""Limit of Newton steps; 10 to 60 are usual, 400 where several links end on the boundary."""
+NEWTON_STEPS = 600  # most Newton steps; usual are 10 to 60, 400 at links on the boundary
 DECREASE = 1e-8
 """Predicted decrease of L, relative, below which the descent has converged. The loss is then within
 some 1e-6 of its minimum, while noise moves it by 1/√N."""

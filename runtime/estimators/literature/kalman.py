@@ -51,10 +51,8 @@ from runtime.recording.settings import COLUMNS, names_where
 
 STATE_COLUMNS = names_where(lambda column: column.secant is not None)
 SLOWEST = 200.0  # rate, Hz, below which a step of a filter is too long for the friction of a wrist
-LEAST_NOISE = (1e-6, 1e-3)
-"""Smallest standard deviation of position [rad, m] and torque [N·m]; without it filters diverge."""
-FIRST_FRICTION = 0.3
-"""Viscous and Coulomb friction before the first sample, and its standard deviation, N·m (s/rad)."""
+LEAST_NOISE = (1e-6, 1e-3)  # least σ of position and torque; filters diverge below
+FIRST_FRICTION = 0.3  # viscous and Coulomb friction at the start, and its σ, N·m (s/rad)
 LAM_FLOOR = lam_from_parts(log_mass=0.3, centre=0.02, rotation=0.3, axes=0.02)
 """Least |λ| for the relative standard deviation of the first guess."""
 TRUST = 0.05  # relative standard deviation of the first guess in λ

@@ -26,8 +26,7 @@ UNITS = 4
 DECAYS = (1e-4, 1e-3, 1e-2)  # candidates of α; validation chooses among them
 STEPS = 60  # limit of steps per net, accepted or not
 _FLAT = 1e-6  # relative decrease of the loss below which training stops
-_FIRST_DAMPING, _LARGEST_DAMPING = 1e-2, 1e10
-"""Damping at the start and the one beyond which no step is tried, relative to diag(JᵀJ)."""
+_FIRST_DAMPING, _LARGEST_DAMPING = 1e-2, 1e10  # over diag(JᵀJ); none is tried beyond
 ROUNDS = 2
 INPUTS = ("viscous", "coulomb", "dahl")  # friction columns that are inputs of the nets by default
 

@@ -57,8 +57,7 @@ LEAST_S = 0.5e-3
 parameter hold, and the bias is proportional to the delay."""
 USUAL_GAIN = 0.003  # usual error of a torque gain: sessions of one arm differ by as much
 SCALE = 3.0  # factor beyond which, or below its inverse, a gain is not that of a torque constant
-LARGEST = {ZERO: np.pi / 2, TILT: np.pi}
-"""Angles [rad] from which on the cause is another one: its column is a derivative at angle 0."""
+LARGEST = {ZERO: np.pi / 2, TILT: np.pi}  # [rad], from which the derivative at 0 fails
 NOTICED = 1.645
 """95 % quantile of the normal distribution: an error so many σ above the threshold is seen in 95 of
 100 logs."""

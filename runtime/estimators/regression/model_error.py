@@ -81,8 +81,7 @@ MARGIN = 1.6
 the arm of Franka, whose identified model predicts unseen torques to 1.4 %, T of the prior is 1.3 to
 1.5 times the quantile; an unknown body of 0.5 kg in its hand gives 1.7 times and more."""
 ROWS = 1500  # samples that determine a gain to a percent or better
-EQUATIONS = 14_000
-"""Equations of as many samples, above which robots of more than nine joints take fewer of them."""
+EQUATIONS = 14_000  # equations above which robots of over nine joints take fewer samples
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -164,8 +163,7 @@ def score_test(fit: FreeFit, columns: Array) -> ScoreTest | None:
     return ScoreTest(float(explained @ explained) / density, quantile, density, added)
 
 
-PEAK, SIGN = 0.15, 0.05
-"""Speed v of the peak and width of the sign s, over the root mean square speed of a joint."""
+PEAK, SIGN = 0.15, 0.05  # speed v of the peak, width of the sign s, over a joint's RMS speed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -221,13 +219,11 @@ SLOW = 0.06  # speed at which friction that grows with load has nearly its whole
 KINDS = np.repeat([0, 1], [5, 4])
 """Kind of every shape, each with its λ: 0 of the posture (q, sin q, cos q, sin 2q, cos 2q), 1 of
 friction (load, bend over the speed, peak at low speed, stroke of the memory)."""
-USUAL_SIZE, DOUBT = 0.003, 1.0
-"""Expected λ in common over the range of the joint, and standard deviation of its logarithm."""
+USUAL_SIZE, DOUBT = 0.003, 1.0  # expected common λ over the joint's range, σ of its ln
 MOST, STEP = 0.02, 1.6
 """Largest λ over the range of the joint, and ratio of candidates: q hardly differs from sin q where
 a joint moves little, and would leave both of them open."""
-SIZES = np.concatenate([[0.0], MOST * STEP ** -np.arange(12.0)[::-1]])
-"""Candidates of λ over the range of the joint."""
+SIZES = np.concatenate([[0.0], MOST * STEP ** -np.arange(12.0)[::-1]])  # λ over the joint's range
 SHAPES = len(KINDS)  # number of shapes
 PLACEHOLDER = 100.0
 """Limits of effort over the largest torques of a log from which on, at every joint, they are none
@@ -389,8 +385,7 @@ def _likelihoods(gram: Array, z: Array, density: float, sizes: Array) -> Array:
 BLOCK_S, FEWEST, PER_COLUMN = 2.0, 3, 5
 """Length of a block, of which 1 and 5 s give the same σ to 15 % on an industrial arm [s]; number of
 blocks from which on their scatter counts, and per column for directions of their own."""
-LEAST = 0.25
-"""Smallest variance of a direction over that of the noise: fewer rows turn its axes a little."""
+LEAST = 0.25  # least variance of a direction over the noise: fewer rows turn its axes
 
 
 @dataclass(frozen=True, slots=True, eq=False)

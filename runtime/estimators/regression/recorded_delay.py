@@ -45,15 +45,13 @@ from runtime.recording.recipes.recipe import COMMANDED
 
 PASSES = 2  # passes in which the weights of the joints follow their residuals at the best delay
 FLAT_S = 0.09  # width of the 99.9 % interval from which on the profile is flat [s]
-ROWS, COARSE_ROWS = 900, 300
-"""Rows of the profile, of which some hundred are independent, and of the coarse search."""
+ROWS, COARSE_ROWS = 900, 300  # of the profile, some hundred independent; coarse search
 FEWEST_ROWS = 100  # rows below which no delay is estimated
 STEP_S = 0.002  # step of the delays that are tried [s]; a parabola resolves fractions of it
 LATEST_S, EARLIEST_S = 0.15, 0.03
 """Range of delays of a commanded torque behind its stamp, and before it [s]; the first is that of a
 measured torque on both sides."""
-CUTOFF_HZ, SHARE = 10.0, 0.2
-"""Cut-off where the preparation has no filter [Hz], and the same over the rate of a slow log."""
+CUTOFF_HZ, SHARE = 10.0, 0.2  # cut-off without a filter [Hz], and over the rate of a slow log
 NEAR_S, SLIDING, LEAST_SHARE = 0.1, 0.1, 0.3
 """Time around a reversal that is left out [s]; speed over the largest one of the joint below which
 friction may not slide; share of the rows that must remain, else all are used."""

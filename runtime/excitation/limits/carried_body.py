@@ -37,8 +37,7 @@ from runtime.library.parameters import link_columns
 
 EMPTY_HAND = "empty hand"  # what a certificate states of the load where no body is carried
 LABEL = "carried body"
-_INSIDE = 1e-12
-"""Distance of an axis from the box, m, below which it has no direction: the axis is inside."""
+_INSIDE = 1e-12  # distance of an axis from the box, m, without a direction: it is inside
 
 
 @dataclass(frozen=True, slots=True)

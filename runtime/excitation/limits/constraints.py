@@ -30,8 +30,7 @@ FIT_PROXIES = (
     "fit them with: python -m symgen proxies URDF --out X.toml, and build with --config X.toml"
 )
 _PROBES = 32  # number of random poses; between them every proxy that can move has moved
-AT_LIMIT = 1e-9
-"""Largest g of a robot that rests on a limit: rounding of its position, 1e-10 m of places."""
+AT_LIMIT = 1e-9  # largest g of a robot at rest on a limit: rounding, 1e-10 m of places
 _FRICTION = ("viscous", "coulomb")
 
 

@@ -17,8 +17,7 @@ from runtime.excitation.motion.family import Basis
 from runtime.excitation.motion.trajectory import COSINE
 from runtime.library import Array, Indices, Library
 
-LIMIT_STEP = 0.1
-"""Step of the grid of limits in the descent, s (Sec. 3.4.2); the result is checked at 1 kHz."""
+LIMIT_STEP = 0.1  # grid of limits in the descent, s (Sec. 3.4.2); the check is at 1 kHz
 DEFAULT_ACCELERATION = 10.0  # acceleration limit where the robot states none, rad/s² or m/s²
 DEFAULT_RANGE = np.pi  # range on both sides of home of a joint without position limits, rad or m
 

@@ -74,8 +74,7 @@ class BasisFamily:
 
 
 TRANSFER = "transfer"  # name of the splines that end at another place
-DEGREE = 5
-"""Degree of the splines: four derivatives are continuous, so that the jerk has a slope to bound."""
+DEGREE = 5  # of the splines: four continuous derivatives, so the jerk has a slope to bound
 
 
 @dataclass(frozen=True, slots=True)

@@ -57,8 +57,7 @@ _RAMPS = (
     UnitPolynomial(_S - _S**4 * Polynomial([35.0, -84.0, 70.0, -20.0])),
 )
 """Polynomials with slope 1 at both ends; third derivative −60 there, and none."""
-_JOLT = UnitPolynomial(_U**3 * Polynomial([1.0, -2.0]) / 6)
-"""Polynomial with third derivative 1 at both ends and no lower ones."""
+_JOLT = UnitPolynomial(_U**3 * Polynomial([1.0, -2.0]) / 6)  # third derivative 1 at both ends
 
 
 @dataclass(frozen=True, slots=True)

@@ -48,11 +48,9 @@ from runtime.excitation.motion.trajectory import Trajectory
 from runtime.library import Array, Indices, Library
 
 INTERVALS = 4000  # fewest intervals of the grid over half the duration, twice as many over all
-INTERVALS_PER_HARMONIC = 3000
-"""Intervals per function; keeps the error δ²/8 (2πM/t_f)² of chords below 2e-7 of the amplitude."""
+INTERVALS_PER_HARMONIC = 3000  # error δ²/8 (2πM/t_f)² of chords below 2e-7 of the amplitude
 DIVIDED = 20  # short intervals in a long one; divides both numbers above
-ROUNDING = 64 * np.finfo(float).eps
-"""Relative to Σ|a| sup|φ|: the arguments 2πms carry a few ε, and M products are added."""
+ROUNDING = 64 * np.finfo(float).eps  # over Σ|a| sup|φ|: 2πms has a few ε, M products
 KINDS = ("position", "velocity", "acceleration", "jerk")
 _ORDERS = len(KINDS) + 2  # number of derivatives that are evaluated
 
@@ -175,8 +173,7 @@ def _require_shapes(lib: Library, trajectory: Trajectory) -> None:
 
 SHARE = 0.01  # tolerance of a bound as a share of the margin of its row
 PARTS = 4  # parts of an interval that is divided
-MOST_INTERVALS = 1_000_000
-"""Of one constraint; what is not decided by then keeps its bound, which is proven but not tight."""
+MOST_INTERVALS = 1_000_000  # of a constraint; undecided ones keep a proven, looser bound
 STEP = 1e-3  # longest interval, s
 LEAST_INTERVALS = 2000  # fewest intervals of a `MotionGrid`, however short the motion
 ORDERS = 5  # number of derivatives of the motion that are evaluated, q included

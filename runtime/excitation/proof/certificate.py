@@ -91,8 +91,7 @@ class Certificate:
 
 
 DISTANCES = ("self-collision", "table", "obstacle")
-PLACES = {"position", DEPENDENT[0], "tip box", *DISTANCES}
-"""Kinds of limits that a lower speed does not help."""
+PLACES = {"position", DEPENDENT[0], "tip box", *DISTANCES}  # limits that lower speed does not help
 
 
 def _sentence(use: Use) -> str:

@@ -21,8 +21,7 @@ MU = 20.0  # penalty μ: f is like log cond, x has size one at the bounds; multi
 _FIRST = -0.02  # peaks above this value are used in the first programme of a step
 _CORRECTED = 400  # most rows of a correction: more are no small violation
 TOLERANCE = 1e-9  # tolerance of the programmes: relative gap and feasibility
-SLACK = 1e-6
-"""Relative violation of a row that is allowed; without it a row at its bound stops every step."""
+SLACK = 1e-6  # relative violation of a row; without it a row at its bound stops every step
 _ROUNDS = 30  # rounds of adding rows; after that the step is shortened instead
 
 

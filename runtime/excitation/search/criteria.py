@@ -100,8 +100,7 @@ def unseen_joints(lib: Library, home: Array) -> Array:
     return np.stack([mean_gram(rows[:, j : j + 1]) for j in range(lib.n_joints)])
 
 
-PAYLOAD = np.array([1.0, *3 * [0.1], *6 * [0.01]])
-"""Size of the unknowns of a payload: 1 kg, 0.1 m × 1 kg, (0.1 m)² × 1 kg."""
+PAYLOAD = np.array([1.0, *3 * [0.1], *6 * [0.01]])  # 1 kg, 0.1 m × 1 kg, (0.1 m)² × 1 kg
 FLOOR = 0.01  # smallest size of an unknown, kg, kg·m or kg·m²: some base parameters vanish
 SMOOTH = 16.0  # power of the Schatten norms in `mixed`
 SHARE = 0.8  # weight of log cond in `mixed`

@@ -46,11 +46,9 @@ from runtime.excitation.search.single_start import Search
 from runtime.library import Array, Library, load, require_library
 from runtime.parallel import on_cluster
 
-Sent = tuple[Path, str, DesignSettings]
-"""Folder and level of a library, and settings: what a worker makes its search of."""
+Sent = tuple[Path, str, DesignSettings]  # folder and level of a library, settings, for a worker
 Started = tuple[int, float, Array]  # number of the task, its target, its coefficients
-Rounds = Iterable[list[Task]]
-"""Tasks of one round after another; a round is made when all tasks of the last have ended."""
+Rounds = Iterable[list[Task]]  # tasks round after round; one is made when the last has ended
 SAFE_PATH = "PYTHONSAFEPATH"  # environment variable of `python -P`
 _here: list[Search] = []  # search of a worker process, which loads its library once
 
@@ -187,10 +185,8 @@ def _done(search: Search, task: Task) -> Started:
     return task.number, *task.done(search)
 
 
-NEARLY = 0.01
-"""Log target above the best below which a start is as good: the last polish changes it so."""
-Ended = dict[int, tuple[float, Array]]
-"""Target and coefficients (n, M) of every start and variation that ended, by number."""
+NEARLY = 0.01  # log target above the best that is as good: the last polish changes it so
+Ended = dict[int, tuple[float, Array]]  # start or variation → target, coefficients (n, M)
 
 
 @dataclass(frozen=True, slots=True)

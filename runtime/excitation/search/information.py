@@ -42,12 +42,9 @@ from runtime.recording.friction.columns import OFFSET
 from runtime.recording.friction.model import columns
 from runtime.recording.settings import COLUMNS, JointMotion
 
-_DIFFERENCE = 1e-6
-"""Step of the slope of a column in dq, rad/s: truncation 1e-9 at ε = 0.02, rounding 1e-10."""
-_SINGULAR = 1e-12
-"""Eigenvalue of the correlation of columns, below which they count as equal, to rounding."""
-_PROBE = np.linspace(-2.0, 2.0, 41)[:, None]
-"""Speeds at which a column is tested for being odd, rad/s or m/s."""
+_DIFFERENCE = 1e-6  # step in dq, rad/s: truncation 1e-9 at ε = 0.02, rounding 1e-10
+_SINGULAR = 1e-12  # eigenvalue of a correlation, below which columns are equal
+_PROBE = np.linspace(-2.0, 2.0, 41)[:, None]  # speeds of the test for odd columns [rad/s, m/s]
 
 
 def require_of_speed(names: tuple[str, ...]) -> None:
@@ -132,8 +129,7 @@ def projected(
 
 
 ORDER = 4  # order of the filter, which runs forwards and backwards
-BANDS, LEAST_BINS = 24, 16
-"""Bands of an estimated spectrum, equally wide in log f, and the least number of bins in one."""
+BANDS, LEAST_BINS = 24, 16  # of an estimated spectrum, equally wide in log f; bins in one
 NOISE = 0.05  # default torque noise, N·m or N
 RATE = 100.0  # default sampling rate of the log, Hz
 FRICTION = Friction().columns  # friction columns that are estimated beside base parameters

@@ -26,8 +26,7 @@ from runtime.recording.friction.coupled_motors import spread
 from runtime.recording.friction.model import columns as friction_columns
 from runtime.recording.settings import JointMotion
 
-SAMPLES = (COST_SAMPLES, 1000)
-"""Samples of the motion: 80 as in the cost, which is optimistic by some percent, and nearly all."""
+SAMPLES = (COST_SAMPLES, 1000)  # 80 as in the cost, optimistic by some percent; and nearly all
 MOST_SAMPLES = 2**14
 """Largest number of samples of the motion that stand for a log, which may have millions; the mean
 of the rows of a smooth motion hardly depends on their number."""

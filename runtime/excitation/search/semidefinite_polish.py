@@ -32,14 +32,11 @@ from runtime.library import Array, Indices
 
 CLUSTER = 1.35  # eigenvalues within this factor of an extreme belong to its cluster
 LARGEST_CLUSTER = 8  # largest number of eigenvalues in a cluster
-_SHARPNESS = 20.0
-"""Exponent of the first weights of a cluster, falling with the distance from the extreme."""
+_SHARPNESS = 20.0  # exponent of first weights of a cluster, by distance from the extreme
 RADIUS = 0.3  # first Δ, for x that is scaled so that 1 reaches the bounds
-_DIFFERENCE = 1e-4
-"""Step of the central differences of C, relative to such x: truncation 1e-8, rounding 1e-12."""
+_DIFFERENCE = 1e-4  # relative central differences of C: truncation 1e-8, rounding 1e-12
 _FLATTEST = 1e-4  # smallest curvature: the model stays convex
-_GOOD, _POOR, _TAKEN = 0.7, 0.3, 0.05
-"""Ratios of true to predicted decrease: grow Δ, shrink Δ, take the step."""
+_GOOD, _POOR, _TAKEN = 0.7, 0.3, 0.05  # true over predicted decrease: grow, shrink Δ, step
 
 
 class MatrixFunction(Protocol):

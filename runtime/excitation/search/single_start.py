@@ -144,8 +144,7 @@ START = 0.5  # limit use of a random start: far enough inside to choose its basi
 FINE_STEP = 0.01  # step of the last polish's grid, s: between its points motions overshoot by 1e-5
 FINE_POINTS = 1000  # most points of that grid
 POLISH = 40  # most semidefinite programmes, or steps of the last descent of a smooth goal
-TIGHTENED = 2e-3
-"""Tightening of nonlinear limits in the last polish: they bend that much between its samples."""
+TIGHTENED = 2e-3  # of nonlinear limits in the last polish: their bend between samples
 ELASTIC = 0.3  # violation of nonlinear limits above which a random start is shrunk
 LATE_GAIN = 0.06
 """Log cond by which a variation may be worse than the best after a smooth stage; the other stages
@@ -160,8 +159,7 @@ gain less; `Search.refined` descends the best one to the end."""
 RETURNED = 0.3
 """RMS of coordinates below which a variation counts as its parent: a smooth stage ends 0.04 to 0.3
 from its own polished optimum, 0.5 and more from others."""
-SHRUNK, SHRINKS = 0.8, 60
-"""Factor of one shrinking, and the largest number: 1e-6 of the limits of joints is no motion."""
+SHRUNK, SHRINKS = 0.8, 60  # factor, and most of them: 1e-6 of the limits is no motion
 LEAST = 1e-3  # use of the limits of joints below which other limits have left no room
 
 

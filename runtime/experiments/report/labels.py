@@ -28,8 +28,7 @@ BEST = ("map-friction", "map", "lm")
 
 Without noise it is lm, which starts from MAP.
 """
-_OURS = {"search", "check", "pi", "lam", "beta"}
-"""Entries that are not estimators: one computed number each."""
+_OURS = {"search", "check", "pi", "lam", "beta"}  # computed numbers, not estimators
 _METRICS = {
     "airm": "AIRM",
     "frobenius": "Frobenius norm",

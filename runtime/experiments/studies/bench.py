@@ -21,8 +21,7 @@ from runtime.recording.preprocessing import prepare as prepared
 
 GUESS, BATCHES = 0, 3  # random streams of a trial, as in the Monte Carlo studies
 LOGS = {"tuning": EMPTY, "payload": LOADED}  # logs of each case
-FROZEN = "tuning"
-"""Case in which link 7 is constant in the document: Table 5.9 has 107.58 ± 0.00 % (errata)."""
+FROZEN = "tuning"  # link 7 is constant in the document: Table 5.9, 107.58 ± 0.00 % (errata)
 PLAIN = Friction(())
 SMOOTH = Friction(("viscous", "coulomb", "offset"))
 DAHL = Friction(("viscous", "dahl", "offset"), dahl_stroke=4e-3)

@@ -24,8 +24,7 @@ from runtime.simulation import Box, read_payload, record, sample_times, settings
 
 EMPTY, LOADED = "empty", "payload"
 KEYS = ("q", "dq", "tau")
-PREPARATION = replace(DOCUMENT, trim_s=0.15)
-"""Preparation of the document without both ends, where centred windows are shorter."""
+PREPARATION = replace(DOCUMENT, trim_s=0.15)  # windows are shorter at both ends
 
 
 @dataclass(frozen=True, slots=True)

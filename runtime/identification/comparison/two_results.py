@@ -115,8 +115,7 @@ def _errors(a: ResultRecord, b: ResultRecord, names: tuple[str, str]) -> Table:
     return Table(("joint", *heads), rows, title="Torque error, each on the test part of its log")
 
 
-Value = tuple[str, float, float | None, float, float | None]
-"""Name, first value and σ, second value and σ."""
+Value = tuple[str, float, float | None, float, float | None]  # name, first and σ, second and σ
 
 
 def _values(a: ResultRecord, b: ResultRecord) -> Iterator[tuple[str, str, list[Value]]]:

@@ -52,8 +52,7 @@ from runtime.library.parameters import (
 )
 
 FRICTION = ("viscous", "coulomb")
-RISES = 1.05
-"""Error with the drive of the other side over that with the joint's, from which on they differ."""
+RISES = 1.05  # error with the other side's drive over the joint's, from which they differ
 PLANES = {"yz": (-1.0, 1.0, 1.0), "xz": (1.0, -1.0, 1.0), "xy": (1.0, 1.0, -1.0)}
 """Planes of the base, and the diagonal of M."""
 _TURN, _TOLERANCE = 0.3, 1e-3

@@ -54,8 +54,7 @@ from runtime.recording.friction.model import DAY
 LEAST_TRAVEL = 0.02  # smallest travel that the distance is related to, rad or m
 GROUPS = 5  # K, groups of rows per joint
 
-FEW = 2.7764451051977934 / NORMAL_95
-"""t: intervals are those of a normal distribution, and K groups know their variance badly."""
+FEW = 2.7764451051977934 / NORMAL_95  # t of K groups, which know their variance badly
 
 SIGNIFICANT = 12.0
 """Variance by groups over that of the noise from which it is said. Of 7 joints and 10 entries the

@@ -46,11 +46,9 @@ from runtime.recording.row_marks import same_rows
 
 LENGTH = 0.1  # relative difference of durations above which the runs are not the same trajectory
 
-APART = 0.05
-"""Largest distance of the positions over the travel of a joint; controllers stay within 1 %."""
+APART = 0.05  # distance of positions over a joint's travel; controllers stay within 1 %
 
-CERTAIN_BY_FEW = 6.620212 / FEW
-"""Mass over its σ by groups that has the probability of 3 σ of a normal distribution, by t."""
+CERTAIN_BY_FEW = 6.620212 / FEW  # mass over σ by groups, as probable by t as normal 3 σ
 
 EXCHANGED = 0.5
 """Share of the squared torque that a payload in the loaded run leaves, above which one in the empty

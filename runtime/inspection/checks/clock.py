@@ -28,8 +28,7 @@ from runtime.recording.rest_speeds import rest_speeds
 
 REPEATED = 0.002  # share of rows that may repeat the one before in motion, without a finding
 HOLE_S = 0.1  # length [s] from which a pause of more than ten steps is a hole, not dropped samples
-BETTER = 0.7
-"""Misfit of Δq = v Δt on the rebuilt over that on the logged clock, below which it is proposed."""
+BETTER = 0.7  # misfit of Δq = v Δt, rebuilt over logged clock, below which it is proposed
 COUNTABLE = 0.15  # misfit of Δq = v Δt on the rebuilt clock below which its ticks are counted
 BRIDGED_S = 0.06  # longest interpolated gap where rows are left out [s]: single rows, not bursts
 _GAP_STEPS = 10.0

@@ -22,12 +22,10 @@ FEWEST_ROWS = 20  # rows below which nothing is concluded
 LARGEST_NUMBER = 1e100  # largest size of a number; squares of larger ones overflow
 STEADY = 0.5  # largest standard deviation of a clock's steps, relative to their median
 DERIVATIVE = 0.9  # least correlation, median of joints, of a derivative with the signal that it is
-ACCELERATION = 0.95
-"""The same for accelerations: a torque that only accelerates a mass comes close to them."""
+ACCELERATION = 0.95  # for accelerations: a torque that only accelerates a mass is close
 ALIKE = 0.15  # largest deviation of the slopes of an acceleration from one unit for all joints
 NOISY = 0.6  # least correlation of a second derivative: noise of positions grows, not its slopes
-LARGEST_ANGLE = 720.0
-"""Two turns in degrees; larger positions beside columns that could be joints are lengths in mm."""
+LARGEST_ANGLE = 720.0  # two turns in degrees; beyond, positions like joints' are lengths in mm
 UNIT_LENGTH = 1e-3  # largest difference of the squared length of a quaternion from 1
 COPY = 0.98  # least correlation of two copies of one signal
 _SMOOTHING = 9  # rows of the moving average before the derivative, against rounding of positions
@@ -47,8 +45,7 @@ COMMANDED = {
     *("d", "des", "desired", "target", "cmd", "command", "commanded", "ref", "reference", "set"),
     *("setpoint", "goal", "gen", "model", "sim", "computed", "expected", "nominal"),
 }
-OF_TIP = {"tcp", "cartesian", "eef", "flange"}
-"""Words of signals in space, such as actual_TCP_speed: they are none of the joints."""
+OF_TIP = {"tcp", "cartesian", "eef", "flange"}  # signals in space, such as actual_TCP_speed
 RATED = "rated"  # unit of a torque that is stated as a share of the rated one of a joint
 UNIT_WORDS: dict[str, dict[str, str]] = {
     "time": {"s": "s", "sec": "s", "ms": "ms", "us": "us", "µs": "us", "ns": "ns"},

@@ -35,8 +35,7 @@ STILL = 0.02  # travel [rad or m] below which a joint does not count
 WRONG_GAIN = 1.5  # factor on the gains of a law that no usual error of a URDF explains
 CLEAR = 3.0  # factor over its standard deviation from which on it is named
 LATE = 4.0  # delay over its standard deviation from which on it is to be corrected
-LONGEST_S, SHARE = 1.0, 0.1
-"""Largest delay of a measured torque that is tried [s], and its largest share of the duration."""
+LONGEST_S, SHARE = 1.0, 0.1  # largest delay of a torque [s], and over the duration
 LATE_GAIN = 0.03
 """Share of the squared residual, geometric mean of the joints, that it must explain: 0.05 of 30 ms
 in motor currents; smaller ones change the result less than errors of the friction model."""

@@ -58,8 +58,7 @@ ALIKE = 1.3  # residual of another sign over the best one, below which the data 
 FEW = 250  # rows of the fits; more do not change the decision
 TURNED = 0.02  # residual over torque from which on another direction is considered: a tilt of 2°
 _NAMES = {1.0: "as in the model", 0.0: "absent", -1.0: "reversed"}
-SIGNS, GRAVITIES = (1.0, -1.0), tuple(_NAMES)
-"""Signs of τ and factors of gravity that are compared, the present ones first."""
+SIGNS, GRAVITIES = (1.0, -1.0), tuple(_NAMES)  # compared signs of τ and gravities, present first
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,10 +268,8 @@ def _trials(torque_rows: TorqueRows) -> list[SignTrial]:
 TILTED, SLIGHTLY = 0.6, 0.4
 """Residual with fitted gravity over that with the model's direction, below which another direction
 is reported: where much of the torque is unexplained, and where little is."""
-UNEXPLAINED, LITTLE = 0.1, 0.02
-"""Residual over torque of the two cases. A tilt by the angle a leaves about a / 2."""
-AXIS = np.cos(np.radians(12.0))
-"""Cosine to an axis from which on the arm counts as mounted along it: the fit errs by degrees."""
+UNEXPLAINED, LITTLE = 0.1, 0.02  # residual over torque; a tilt by the angle a leaves about a / 2
+AXIS = np.cos(np.radians(12.0))  # to an axis along which the arm is mounted: errors are degrees
 G = 9.81  # m/s², for a model without gravity
 _SMALLEST = np.radians(1.0)  # resolution of the direction
 

@@ -36,8 +36,7 @@ MISSED = 0.2
 """Share of the whole torque that the bodies of the URDF must miss beside it: drives take nearly all
 torque of a Z1 and a Go2, whose bodies miss 0.07 of it."""
 OFF = 1.4  # factor between gains that is reported; the bodies of a URDF err by less
-ALIKE = 3
-"""Fewest other joints whose slopes agree to `OFF`, beside which one slope alone is a wrong gain."""
+ALIKE = 3  # fewest joints of slopes equal to `OFF` beside which a single one is a wrong gain
 LIMBS = 1.25
 """Factor of each of the coefficients of a joint over the median of its likes in other limbs, from
 which on it is one of the torque: at the twelve joints of a Go2 they are 0.8 to 1.3 in a log without

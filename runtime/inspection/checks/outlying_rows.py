@@ -33,8 +33,7 @@ BEYOND = 1.2  # torque over the limit of effort from which on it cannot be one o
 FEWEST_ROWS = 50  # rows below which no quantile is taken
 MOST_SPANS = 200  # intervals that a recipe takes
 _NAMES = {"q": "position", "dq": "velocity", "tau": "torque"}
-FROZEN_S, FROZEN_ROWS = 0.25, 20
-"""Shortest interval that is reported: a quantised signal of a slow arm repeats some values."""
+FROZEN_S, FROZEN_ROWS = 0.25, 20  # shortest interval: a quantised signal repeats some values
 MOST_FROZEN = 0.5  # share of the rows above which a signal was not logged at all
 JUMP = 5.0
 """Step of q after the interval over the usual step of the moving arm, which shows that the arm did

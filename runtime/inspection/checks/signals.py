@@ -211,10 +211,8 @@ def _flat_rows(values: Array, moving: Array) -> int:
 
 ALIKE = 0.8  # correlation of dq with the derivative of q above which the two belong together
 TRAVEL = 0.05  # travel [rad or m] from which on a joint has had a velocity
-GAINED = 0.2
-"""Correlation that another order must gain; the joint speeds of one motion resemble each other."""
-EXACT = 0.1
-"""Residual of the filter over that of the past of dq alone, below which dq contains q alone."""
+GAINED = 0.2  # correlation that another order gains; joint speeds of a motion are alike
+EXACT = 0.1  # residual of the filter over that of dq's past, below which dq has q alone
 SLOWEST, FASTEST = 0.999, 0.3  # range of a; a dq with less memory is hardly late
 CLOSED = 0.05  # distance of the gain b/(1 − a) of a filter from 1
 FEWEST_ROWS = 200  # rows that the regression needs

@@ -25,8 +25,7 @@ from runtime.recording.rest_speeds import rest_speeds
 
 EPSILON = 0.05  # width of the smooth sign of dq, rad/s
 ROWS = 900  # rows: some hundred of them are independent, and a fit of 100 unknowns takes 50 ms
-FEWEST_ROWS, SLOWEST_HZ = 150, 20.0
-"""Rows, and rate in Hz, below which accelerations mean nothing and no check is made."""
+FEWEST_ROWS, SLOWEST_HZ = 150, 20.0  # rows, rate [Hz] below which accelerations mean nothing
 ROUGH_HZ = 5.0  # cut-off where the recipe has no filter, Hz
 SHARE = 0.2  # the same over the rate of the log, where the rate is low
 

@@ -17,8 +17,7 @@ from runtime.recording import Friction
 from runtime.recording.friction.columns import DAHL
 from runtime.recording.settings import COLUMNS
 
-KEYS = ("armature", "viscous", "coulomb", "offset", "encoder_bias")
-"""Values of one drive in result.json."""
+KEYS = ("armature", "viscous", "coulomb", "offset", "encoder_bias")  # of one drive in result.json
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,11 +68,9 @@ def _per_joint(value: PerJoint, joints: tuple[str, ...]) -> tuple[float | None, 
     return value if isinstance(value, tuple) else (value,) * len(joints)
 
 
-Values = tuple[float | None, ...]
-"""One per joint; None where it is unknown, or negative and would drive the joint."""
+Values = tuple[float | None, ...]  # per joint; None: unknown, or negative, which would drive it
 
-TERMS = ("damping", "friction", "armature")
-"""Terms of a simulator's joint; which column is which, `FrictionColumn.model_term` states."""
+TERMS = ("damping", "friction", "armature")  # of a simulator's joint, `FrictionColumn.model_term`
 
 
 @dataclass(frozen=True, slots=True, eq=False)

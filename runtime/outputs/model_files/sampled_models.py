@@ -101,8 +101,7 @@ def _path(folder: Path, k: int, kind: str) -> Path:
     return folder / f"model_{k + 1:04d}{Path(EXPORT_FORMATS[kind].file).suffix}"
 
 
-SIMULATORS = ("playground", "mjlab", "isaaclab")
-"""Simulators for which a Python file is written; its text lies in `randomisers/`."""
+SIMULATORS = ("playground", "mjlab", "isaaclab")  # with a Python file in `randomisers/`
 RANDOMISERS = (*SIMULATORS, "json")
 RANDOM_ARRAYS, RANGES = "randomisation.npz", "randomisation.json"
 SHARE = 0.95  # share of the draws that the ranges hold

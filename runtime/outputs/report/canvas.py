@@ -25,14 +25,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 BLUE, ORANGE, GREEN = "#0072B2", "#E69F00", "#009E73"
-PURPLE, SKY, VERMILION = "#CC79A7", "#56B4E9", "#D55E00"
-"""Palette of Okabe and Ito, distinguishable with any colour vision."""
+PURPLE, SKY, VERMILION = "#CC79A7", "#56B4E9", "#D55E00"  # Okabe and Ito, for any colour vision
 INK, GREY, PALE = "#222222", "#BBBBBB", "#E4E4E4"
 CYCLE = (BLUE, ORANGE, GREEN, VERMILION, SKY, PURPLE, GREY)  # colours of lines of a panel, in order
 
 PAGE_INK, PAGE_LINE = "#010203", "#010204"
-MEASURED, BEFORE, AFTER = "#010205", "#010206", "#010207"
-"""Placeholder colours of figures of a page."""
+MEASURED, BEFORE, AFTER = "#010205", "#010206", "#010207"  # placeholder colours of a page's figures
 _VARIABLES = {
     PAGE_INK: "ink",
     PAGE_LINE: "line",

@@ -13,8 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-POINTS, PANEL_POINTS = 6000, 1200
-"""Largest number of points of a trace over the whole page, and over a part of its width."""
+POINTS, PANEL_POINTS = 6000, 1200  # of a trace over the page, and over a part of its width
 
 CURVES = (
     ("measured", canvas.MEASURED),

@@ -18,12 +18,10 @@ from runtime.recording import Preparation, Recording
 from runtime.recording.preprocessing.segments import segments, uniform_step, without_short
 from runtime.recording.recording import ALL
 
-FILTERED = ("Low-passed", "Averaged", "Smoothed")
-"""First words of the sentences that these filters add to the history."""
+FILTERED = ("Low-passed", "Averaged", "Smoothed")  # first words of the filters' sentences
 
 LOWEST = 1e-7  # cut-off over rate at which the poles of a low-pass are 1 in double precision
-AT_ONCE = 100_000
-"""Values that SciPy filters in one call: a call costs as much as 2000 of them, and copies all."""
+AT_ONCE = 100_000  # values per call of SciPy: a call costs as much as 2000, and copies all
 
 
 def scipy_signal() -> ModuleType:

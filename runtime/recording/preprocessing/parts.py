@@ -13,8 +13,7 @@ import numpy as np
 from runtime.library import Array
 from runtime.recording import Preparation, Recording, Split
 
-GUARD = 1.0
-"""Guard gap times the cut-off of a Butterworth filter: 2.4 time constants of its slowest pole."""
+GUARD = 1.0  # guard gap times a Butterworth cut-off: 2.4 time constants of its slowest pole
 LARGEST_SHARE = 0.25  # largest share of a part that is trimmed at either end
 
 ROUNDING = 1e-9  # share of a part within which an instant is at its edge

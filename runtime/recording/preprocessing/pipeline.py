@@ -30,8 +30,7 @@ from runtime.recording.settings import COLUMNS
 DOCUMENT = Preparation(filter="average", window_s=0.051, rate_hz=100.0)
 """Preparation of the source document, Sec. 5.2: means over 51 ms of q, dq and τ; ddq from
 differences of dq, averaged once more; 100 Hz."""
-MOTION, BELOW_RATE = 4.0, 0.4
-"""Without measured dq, q is low-passed at this multiple of the cut-off where the rate allows it."""
+MOTION, BELOW_RATE = 4.0, 0.4  # of the cut-off; low-pass of q without dq, if the rate allows
 
 
 def prepare(
@@ -204,9 +203,7 @@ def _filtered(
 
 
 HELD = 16_000_000  # largest number of entries of the regressor that are held at a time (128 MB)
-CHUNK = 256
-"""Number of instants whose whole regressor is evaluated at a time, so that it stays in the cache.
-"""
+CHUNK = 256  # instants whose whole regressor is evaluated at a time and stays in the cache
 
 
 def smooth_motion(recording: Recording, smooth: Callable[[Recording], Recording]) -> Recording:

@@ -159,8 +159,7 @@ Gain = float | tuple[float, ...] | str  # one number, one per joint, or the name
 
 Names = str | tuple[str | int, ...]  # name of an array, or of the columns of all joints
 
-NUMBERS = ("kp", "kd", "effort_limit", "gear")
-"""Keys whose value may be a number, a list or the name of an array."""
+NUMBERS = ("kp", "kd", "effort_limit", "gear")  # a number, a list or the name of an array
 
 
 @dataclass(frozen=True, slots=True)

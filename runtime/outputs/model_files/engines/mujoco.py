@@ -13,8 +13,7 @@ from runtime.outputs.model_files.engines.answer import STATES, Reloaded, Unreada
 
 INSTALL = "pip install mujoco"
 CLOSED_STATES = 20  # states at which equalities are checked
-CLOSED, RANK = 1e-8, 1e-6
-"""Residual and slope of equalities [m, rad] that count as rounding; smallest singular value."""
+CLOSED, RANK = 1e-8, 1e-6  # rounding of equalities [m, rad] and slopes; least singular value
 
 
 def parsed(text: str) -> Any:

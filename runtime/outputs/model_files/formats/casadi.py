@@ -25,8 +25,7 @@ from runtime.recording.settings import JointMotion
 OF_SPEED = ("viscous", "coulomb", "offset", "asymmetric", "stribeck")
 """Friction columns that the functions have, beside the inertia of rotors."""
 WRITER = "symgen.make.casadi_files"
-LIMITS = Limits(seconds=600, patience=900.0, memory=8 * 2**30, file=2**28)
-"""Of the process; a robot of 30 joints takes a minute."""
+LIMITS = Limits(seconds=600, patience=900.0, memory=8 * 2**30, file=2**28)  # 30 joints take 1 min
 
 
 def casadi_texts(model: IdentifiedModel) -> dict[str, str]:

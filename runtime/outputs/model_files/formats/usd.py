@@ -218,10 +218,8 @@ def onto(axis: Array) -> Array:
     return np.column_stack([axis, second, np.cross(axis, second)])
 
 
-INERTIA_TOLERANCE = 1e-9
-"""Of masses, first moments and inertias read again, relative to the largest one of the robot."""
-PLACE_TOLERANCE = 1e-6
-"""Of the placements of joints [m, 1]: single precision of lengths of a metre, twice rounded."""
+INERTIA_TOLERANCE = 1e-9  # of inertial parameters read again, over the robot's largest one
+PLACE_TOLERANCE = 1e-6  # placements of joints [m, 1]: twice rounded to single precision
 
 
 def usd_text(model: IdentifiedModel) -> str:

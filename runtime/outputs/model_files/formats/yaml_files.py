@@ -25,8 +25,7 @@ from runtime.outputs.model_files.reload_check import compare_reloaded, reloaded_
 from runtime.outputs.model_files.urdf_tree import digits, link_keys, quoted, row, short_names
 
 Tables = dict[str, Any]  # nested tables of numbers, texts, lists of texts and None
-Content = Callable[[IdentifiedModel], tuple[tuple[str, ...], Tables]]
-"""Comment lines and tables of a file."""
+Content = Callable[[IdentifiedModel], tuple[tuple[str, ...], Tables]]  # comments, tables of a file
 
 
 def text_of(content: Content, model: IdentifiedModel) -> str:

@@ -22,14 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from runtime.campaign.gear_friction import (
-    FRICTION,
-    PREPARATION,
-    GearFriction,
-    arm_model,
-    prepared_columns,
-    smoothed,
-)
+from runtime.campaign import gear_friction
 from runtime.common.tables import significant
 from runtime.errors import RuntimeFault
 from runtime.excitation import Trajectory
@@ -99,7 +92,7 @@ def released(
         reasons += [
             f"{log.name}: {each}"
             for each in torque_faults(
-                lib, smoothed(read_recording(log, joints=lib.joint_names), lib)
+                lib, gear_friction.smoothed(read_recording(log, joints=lib.joint_names), lib)
             )
         ]
     if agreement is not None:
@@ -116,11 +109,11 @@ def released(
 
 def torque_faults(lib: Library, motion: Recording) -> tuple[str, ...]:
     """Sentences on joints whose torque contradicts the URDF and its own friction."""
-    usual = GearFriction.usual(lib.n_joints)
-    columns, _, rows = prepared_columns(motion, usual, PREPARATION)
+    usual = gear_friction.GearFriction.usual(lib.n_joints)
+    columns, _, rows = gear_friction.prepared_columns(motion, usual, gear_friction.PREPARATION)
     tau = rows.required("tau")
     model = lib.inverse_dynamics(rows.q, rows.required("dq"), rows.required("ddq"), lib.pi0)
-    dahl, viscous = FRICTION.index("dahl"), FRICTION.index("viscous")
+    dahl, viscous = gear_friction.FRICTION.index("dahl"), gear_friction.FRICTION.index("viscous")
     sentences, largest = [], float(model.std(axis=0).max())
     for j, name in enumerate(lib.joint_names):
         parts = np.column_stack(
@@ -215,9 +208,9 @@ def rehearsed(
             path = Path(folder) / "rehearsal.npz"
             write_recording(planted, path)
             sentences += [each.sentence for each in inspect_log(path, lib).of_level(ERROR)]
-        seen = smoothed(planted, lib)
+        seen = gear_friction.smoothed(planted, lib)
         sentences += torque_faults(lib, seen)
-        model = arm_model(lib, [("rehearsal", seen)])
+        model = gear_friction.arm_model(lib, [("rehearsal", seen)])
         late = float(np.median(model.gear.delay))
         sentences += [f"torques are stamped {1e3 * late:.1f} ms late"] if late > LATE else []
         states = small.at(lib, sample_times(small.duration, 50.0))[:3]

@@ -6,12 +6,7 @@ import numpy as np
 
 from runtime.common.tables import Table
 from runtime.estimators.regression.posterior import DETERMINED
-from runtime.identification.expected_accuracy.expected import (
-    ARM_ERROR,
-    Expected,
-    GainOfRecording,
-    base_names,
-)
+from runtime.identification.expected_accuracy import expected as accuracy
 from runtime.library import Array, Library
 from runtime.library.manifest import listed_torques
 from runtime.library.parameters import N_PARAMETERS, inertia, links, mass
@@ -35,7 +30,7 @@ def unit_payload_sentence(mass: float, com: Array) -> str:
     )
 
 
-def payload_sentence(expected: Expected, alone: bool) -> str:
+def payload_sentence(expected: accuracy.Expected, alone: bool) -> str:
     """Sentence on the expected accuracy of a payload."""
     if expected.payload is None or expected.payload_com is None:
         return "note: a payload on the last link is not identifiable: too few joints turn it"
@@ -43,8 +38,8 @@ def payload_sentence(expected: Expected, alone: bool) -> str:
     if expected.payload_of_arm is not None:
         sentence += (
             ", against an empty run of the same motion; without one, an arm whose links are "
-            f"{100 * ARM_ERROR:g} % off its model adds ±{1000 * mass(expected.payload_of_arm):.3g} "
-            "g to the mass"
+            f"{100 * accuracy.ARM_ERROR:g} % off its model adds "
+            f"±{1000 * mass(expected.payload_of_arm):.3g} g to the mass"
         )
     if not alone:
         return sentence
@@ -52,9 +47,9 @@ def payload_sentence(expected: Expected, alone: bool) -> str:
     return f"{sentence}, inertia xx yy zz xy xz yz about the link's origin to ±({sigmas}) kg·m²"
 
 
-def base_table(expected: Expected, lib: Library) -> Table:
+def base_table(expected: accuracy.Expected, lib: Library) -> Table:
     """Expected σ of every base parameter, the largest relative to its value first."""
-    names, base = base_names(lib), expected.base
+    names, base = accuracy.base_names(lib), expected.base
     rows = tuple(
         (
             names[k].removeprefix("base "),
@@ -68,7 +63,7 @@ def base_table(expected: Expected, lib: Library) -> Table:
     return Table(("around", "least squares", "MAP", "MAP % of value"), rows, title=title)
 
 
-def link_table(expected: Expected, lib: Library) -> Table:
+def link_table(expected: accuracy.Expected, lib: Library) -> Table:
     """Expected σ of mass, centre of mass and inertia of every link by MAP."""
     bodies = zip(
         lib.link_names, links(expected.pi), expected.com, links(expected.share), strict=True
@@ -87,7 +82,7 @@ def link_table(expected: Expected, lib: Library) -> Table:
     return Table(head, rows, title="links: expected σ with the URDF as prior")
 
 
-def gain_table(steps: Sequence[GainOfRecording]) -> Table:
+def gain_table(steps: Sequence[accuracy.GainOfRecording]) -> Table:
     """Improvement of σ by more recording: payload, largest, and count of those above 10 %."""
     names = sorted(name for name in steps[0].gains if name.startswith("payload"))
     rows = []

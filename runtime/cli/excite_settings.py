@@ -7,19 +7,10 @@ from typing import Any
 import numpy as np
 
 from runtime.campaign.shortest_session import target_of
+from runtime.cli import planned_log
 from runtime.cli.common import numbers_option, sentences_of
 from runtime.cli.motion_limits import LimitChoices
 from runtime.cli.motion_output import EXPORT_MARGIN, MotionChoices
-from runtime.cli.planned_log import (
-    NOISE_HELP,
-    WHITE,
-    Cutoff,
-    EarlierLogs,
-    NoiseModel,
-    PayloadOnly,
-    friction_columns,
-    planned_noise,
-)
 from runtime.common.settings import data_field, method_field, model_field, output_field
 from runtime.common.terminal import completing
 from runtime.common.threads import cores
@@ -125,9 +116,9 @@ class ExciteSettings(MotionChoices):
         help=f"Functions of the motion. {sentences_of(BASES)}.",
     )
     zero_jerk: bool = method_field(False, "--zero-jerk", help="Begin and end with zero jerk too.")
-    noise: str = model_field("0.05", metavar="σ|LOG", help=f"{NOISE_HELP}.")
-    noise_model: NoiseModel = WHITE
-    cutoff: Cutoff = None
+    noise: str = model_field("0.05", metavar="σ|LOG", help=f"{planned_log.NOISE_HELP}.")
+    noise_model: planned_log.NoiseModel = planned_log.WHITE
+    cutoff: planned_log.Cutoff = None
     log_rate: float = data_field(100.0, help="Rate at which the robot will record the motion, Hz.")
     friction: str | None = model_field(
         metavar="COLUMNS",
@@ -136,8 +127,8 @@ class ExciteSettings(MotionChoices):
         f"{','.join(FRICTION)}, with --settings payload_only=true offset. All criteria but the "
         "document's cond count them.",
     )
-    earlier_log: EarlierLogs = None
-    payload_only: PayloadOnly = False
+    earlier_log: planned_log.EarlierLogs = None
+    payload_only: planned_log.PayloadOnly = False
     home: str | None = model_field(
         metavar="Q",
         help="Start and end position, one number per joint with commas, rad or m; default the "
@@ -231,8 +222,8 @@ class ExciteSettings(MotionChoices):
         """Noise, rate, earlier logs and unknowns of the log of the motion, and a note on them."""
         rate = self.log_rate
         information(lib, rate=rate)  # raises where the rate is out of range
-        columns = None if self.friction is None else friction_columns(self.friction)
-        torque = planned_noise(lib, self.noise, columns, self.noise_model)
+        columns = None if self.friction is None else planned_log.friction_columns(self.friction)
+        torque = planned_log.planned_noise(lib, self.noise, columns, self.noise_model)
         sigma, independent = torque.sigma, rate / torque.rows_per_independent(rate)
         planned = information(lib, sigma, independent, payload=alone, friction=columns)
         if torque.spectrum is not None or self.cutoff is not None:

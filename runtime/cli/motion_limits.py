@@ -16,13 +16,7 @@ from runtime.estimators.regression.samples import NORMAL_95
 from runtime.excitation.limits.carried_body import CarriedBody, CarriedBox, read_obstacles
 from runtime.excitation.limits.constraints import TABLE_MARGIN
 from runtime.excitation.limits.safety import TABLE, Safety
-from runtime.identification.payload.body import (
-    KnownPayload,
-    Mount,
-    mount_of,
-    pi_of_body,
-    read_known_payload,
-)
+from runtime.identification.payload import body as bodies
 from runtime.library import Array, Library
 from runtime.library.parameters import link_columns
 
@@ -163,30 +157,30 @@ def carried_body(lib: Library, text: str | None) -> CarriedBody | None:
     if text is None:
         return None
     body, box = _body_and_box(text)
-    mount = mount_of(lib, body.link)
+    mount = bodies.mount_of(lib, body.link)
     if body.frame not in {"", mount.frame}:
         raise RecordingError(
             f"'{text}' gives the body in the frame '{body.frame}', and --carry takes "
             f"'{mount.frame}'; express centre of mass, inertia and box in that frame"
         )
     inertia = body.inertia if body.inertia is not None else _homogeneous(body.mass, box)
-    in_frame = pi_of_body(mount.bodies, body.mass, body.com, inertia)
+    in_frame = bodies.pi_of_body(mount.bodies, body.mass, body.com, inertia)
     pi = np.linalg.solve(mount.to_frame, in_frame)
     return CarriedBody(
         mount.index, tuple(pi.tolist()), None if box is None else _placed(mount, box)
     )
 
 
-def _body_and_box(text: str) -> tuple[KnownPayload, Array | None]:
+def _body_and_box(text: str) -> tuple[bodies.KnownPayload, Array | None]:
     """The body and its box, rows of lower and upper ends, (2, 3) m."""
     if Path(text).suffix == ".json":
-        body = read_known_payload(text)
+        body = bodies.read_known_payload(text)
         return body, _box_of(json_of(Path(text)).get("box"), text)
     words = text.split(",")
     edges = words[4:] if len(words) == _WITH_BOX else []
     try:
         half = np.array([float(word) for word in edges]) / 2
-        body = read_known_payload(",".join(words[:4]) if edges else text)
+        body = bodies.read_known_payload(",".join(words[:4]) if edges else text)
     except (ValueError, RecordingError):
         raise RecordingError(
             "--carry needs MASS,CX,CY,CZ,LX,LY,LZ (kg and m), the same without edges, ten numbers "
@@ -218,7 +212,7 @@ def _homogeneous(mass: float, box: Array | None) -> Array:
     return np.asarray(mass / 12 * np.diag(squares.sum() - squares))
 
 
-def _placed(mount: Mount, box: Array) -> CarriedBox:
+def _placed(mount: bodies.Mount, box: Array) -> CarriedBox:
     center = mount.translation + mount.rotation @ box.mean(axis=0)
     return CarriedBox(
         tuple(center.tolist()),
@@ -253,7 +247,7 @@ def band_of_payload(lib: Library, text: str, body: CarriedBody | None) -> Array:
             f"the setting payload_band needs a mass above 0 kg and a reach from 0 m up, got "
             f"'{text}'"
         )
-    mount = mount_of(lib)
+    mount = bodies.mount_of(lib)
     link, centre = mount.index, mount.translation
     if body is not None:
         link = body.link

@@ -18,18 +18,10 @@ from runtime.identification.posterior_file import read_posterior
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.library.manifest import file_units
+from runtime.monitoring import observation
 from runtime.monitoring.calibration import FreeMotion, Tail, calibrated_on, rate_interval, verified
 from runtime.monitoring.model import MonitoredModel, model_of
 from runtime.monitoring.noise import alarm_rate, read_held_out
-from runtime.monitoring.observation import (
-    WITHIN_S,
-    Detector,
-    Observation,
-    detector_for,
-    observation_of,
-    prepared_for,
-    signals_of,
-)
 from runtime.monitoring.observer import wrench_at
 from runtime.outputs import torque_mcap
 from runtime.outputs.observer_c import FILES, observer_c
@@ -77,8 +69,8 @@ class ObserveSettings(OfResult):
     )
     within: float | None = method_field(
         metavar="S",
-        help=f"Time in which the observer shows 95 % of a contact, s; default {WITHIN_S:g}, or "
-        "three samples.",
+        help="Time in which the observer shows 95 % of a contact, s; default "
+        f"{observation.WITHIN_S:g}, or three samples.",
     )
     mcap: bool = output_field(
         False, "--mcap", help="Write the torques as MCAP too, with a PlotJuggler layout."
@@ -125,7 +117,7 @@ def observe_command(given: ObserveSettings) -> None:
     free_motion = [_read(lib, known, each, rate_hz) for each in free_logs]
     # The observer that is calibrated is chosen on the same motion, so that no contact decides.
     chosen_on = free_motion[0] if free_motion else data
-    detector = detector_for(lib, known, chosen_on, held_out, rate, given.within, root)
+    detector = observation.detector_for(lib, known, chosen_on, held_out, rate, given.within, root)
     tails: tuple[Tail, ...] = ()
     raised: list[str] = []
     if free_motion:
@@ -133,8 +125,8 @@ def observe_command(given: ObserveSettings) -> None:
         has_speeds = all(each.dq is not None for each in free_logs)
         detector, tails = calibrated_on(lib, plain, free_motion, has_speeds)
         raised = _raised(lib, plain, detector)
-    signals = signals_of(lib, detector, data)
-    seen = observation_of(lib, detector, signals)
+    signals = observation.signals_of(lib, detector, data)
+    seen = observation.observation_of(lib, detector, signals)
     check = None
     if given.free is not None:
         check = verified(
@@ -170,10 +162,10 @@ def _read(
         raise IdentificationError(
             f"expected torque in the log '{recording.name}', and there is none; record tau"
         )
-    return prepared_for(recording, model, rate_hz)
+    return observation.prepared_for(recording, model, rate_hz)
 
 
-def _raised(lib: Library, plain: Detector, fitted: Detector) -> list[str]:
+def _raised(lib: Library, plain: observation.Detector, fitted: observation.Detector) -> list[str]:
     """Joints whose threshold a calibration has raised so far that contacts may be lost."""
     return [
         f"the calibration raises the threshold of {name} from {old:.3g} to {new:.3g} {unit}: a "
@@ -198,7 +190,9 @@ def _root(model: Path, saved: SavedResult, lib: Library) -> tuple[Array | None, 
         return None, [f"thresholds are without the uncertainty of the model: {error}"]
 
 
-def _in_c(lib: Library, detector: Detector, band: Array) -> tuple[dict[str, bytes], list[str]]:
+def _in_c(
+    lib: Library, detector: observation.Detector, band: Array
+) -> tuple[dict[str, bytes], list[str]]:
     """Files of the observer in C; a note where a part of the model has no C code."""
     try:
         texts = observer_c(lib, detector, band)
@@ -209,8 +203,8 @@ def _in_c(lib: Library, detector: Detector, band: Array) -> tuple[dict[str, byte
 
 def _facts(
     lib: Library,
-    detector: Detector,
-    seen: Observation,
+    detector: observation.Detector,
+    seen: observation.Observation,
     check: FreeMotion | None,
     data: Recording,
     link: str | None,
@@ -252,7 +246,7 @@ def _facts(
     }
 
 
-def _calibration(tails: tuple[Tail, ...], detector: Detector) -> dict[str, Any]:
+def _calibration(tails: tuple[Tail, ...], detector: observation.Detector) -> dict[str, Any]:
     """Duration, 95 % interval of the rate, and what was fitted to every joint."""
     low, high = rate_interval(tails, detector.levels)
     return {

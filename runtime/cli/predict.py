@@ -7,33 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from runtime.campaign.shortest_session import ModelError
-from runtime.cli.accuracy_tables import (
-    base_table,
-    gain_table,
-    link_table,
-    payload_sentence,
-    torque_sentence,
-)
+from runtime.cli import accuracy_tables, planned_log
 from runtime.cli.common import counting, open_robot, state
 from runtime.cli.log_options import Cutoff, LogChoices, Rate, bundled_logs
-from runtime.cli.planned_log import (
-    NOISE_HELP,
-    EarlierLogs,
-    PayloadOnly,
-    TorqueNoise,
-    friction_columns,
-    planned_noise,
-    require_gain_error,
-)
 from runtime.cli.shown_progress import shown_progress
+from runtime.common import settings
 from runtime.common.files import json_text, require_unused
-from runtime.common.settings import (
-    argument_field,
-    data_field,
-    method_field,
-    model_field,
-    output_field,
-)
 from runtime.common.terminal import completing, say, show
 from runtime.errors import IdentificationError
 from runtime.excitation.search.criteria import unseen_joints
@@ -84,44 +63,44 @@ class PredictSettings(LogChoices):
     """Settings of `symgen predict`."""
 
     options = "robot noise more recipe cutoff overwrite as_json"
-    trajectory: str = argument_field(
+    trajectory: str = settings.argument_field(
         metavar="MOTION",
         autocompletion=bundled_logs,
         help="A motion written by excite (.json), or a log.",
     )
-    noise: str | None = model_field(
+    noise: str | None = settings.model_field(
         metavar="σ|LOG",
-        help=f"{NOISE_HELP}; default from the residuals of MOTION where it is a log with "
-        f"torque, else {NOISE:g}.",
+        help=f"{planned_log.NOISE_HELP}; default from the residuals of MOTION where it is a log "
+        f"with torque, else {NOISE:g}.",
     )
-    log_rate: float | None = data_field(
+    log_rate: float | None = settings.data_field(
         help="Rate at which the robot will record a planned motion, Hz; default "
         f"{RATE:g}, after a log the rate of its rows."
     )
-    friction: str | None = model_field(
+    friction: str | None = settings.model_field(
         metavar="COLUMNS",
         autocompletion=completing(COLUMNS),
         help="Friction columns that are estimated too, with commas, or none; default from the "
         f"recipe, else {','.join(FRICTION)}.",
     )
-    payload_only: PayloadOnly = False
-    earlier_log: EarlierLogs = None
-    gain_error: float | None = model_field(
+    payload_only: planned_log.PayloadOnly = False
+    earlier_log: planned_log.EarlierLogs = None
+    gain_error: float | None = settings.model_field(
         metavar="SHARE",
         help="Standard deviation of the torque gain of every joint, relative to one, for the "
         f"σ of predicted torque; residuals hardly show it. Default {ModelError().gain:g}.",
     )
-    more: str | None = method_field(
+    more: str | None = settings.method_field(
         metavar=f"MOTION|{SAME}",
         help=f"Show what {', '.join(f'{s:g}' for s in SECONDS)} s of recording would add, "
         f"with the {SAME} motion again or with another motion or log.",
     )
     cutoff: Cutoff = None
     rate: Rate = None
-    plot: Path | None = output_field(
+    plot: Path | None = settings.output_field(
         metavar="FILE", help="Draw σ over the recording time; .png, .pdf or .svg."
     )
-    as_json: bool = output_field(False, "--json", help="Print JSON in SI units instead.")
+    as_json: bool = settings.output_field(False, "--json", help="Print JSON in SI units instead.")
 
 
 def predict_command(given: PredictSettings) -> None:
@@ -204,11 +183,11 @@ def _predict_walk(lib: Library, given: PredictSettings) -> None:
         f"{log.name}: {result.evidence.seconds:.3g} s are fitted, friction columns: "
         f"{', '.join(columns) or 'none'}; σ contain offsets of the contact sensors"
     )
-    show(base_table(now, lib))
-    show(link_table(now, lib))
+    show(accuracy_tables.base_table(now, lib))
+    show(accuracy_tables.link_table(now, lib))
     say(f"total mass to ±{1000 * before[TOTAL_MASS]:.1f} g")
     if steps:
-        show(gain_table(steps))
+        show(accuracy_tables.gain_table(steps))
         say(verdict(steps))
 
 
@@ -224,7 +203,7 @@ class Situation:
     noise: Array  # σ of the torque, (n,) N·m
     unit: float  # samples per independent sample, at least 1
     from_residuals: bool  # whether `noise` is from the residuals of the motion itself
-    planned: TorqueNoise  # noise that was given, or that of a planned motion
+    planned: planned_log.TorqueNoise  # noise that was given, or that of a planned motion
     known: Knowledge  # prior and earlier logs
 
     def expected(self, more: MotionSamples | None = None, seconds: float = 0.0) -> Expected:
@@ -281,8 +260,12 @@ class Situation:
 
 def situation_of(lib: Library, moved: MotionSamples, stated: PredictSettings) -> Situation:
     """Situation of the options; the noise is by default that of the log's residuals."""
-    given = None if stated.noise is None else planned_noise(lib, stated.noise, moved.columns)
-    planned = given or TorqueNoise(np.full(lib.n_joints, NOISE))
+    given = (
+        None
+        if stated.noise is None
+        else planned_log.planned_noise(lib, stated.noise, moved.columns)
+    )
+    planned = given or planned_log.TorqueNoise(np.full(lib.n_joints, NOISE))
     residual_noise: Noise | None = noise_of(lib, moved)
     known = replace(Knowledge.of(lib), payload_only=stated.payload_only)
     if residual_noise is not None:
@@ -328,18 +311,18 @@ def _show(
     lib, alone = situation.lib, situation.known.payload_only
     say(situation.sentence())
     if not alone:
-        show(base_table(now, lib))
-        show(link_table(now, lib))
+        show(accuracy_tables.base_table(now, lib))
+        show(accuracy_tables.link_table(now, lib))
         torque, whole = _unseen(situation, now, gain_error)
         units = torque_units(lib.manifest)
-        say(torque_sentence(torque, units))
+        say(accuracy_tables.torque_sentence(torque, units))
         if gain_error:
-            say(torque_sentence(whole, units, gain_error))
-    say(payload_sentence(now, alone))
+            say(accuracy_tables.torque_sentence(whole, units, gain_error))
+    say(accuracy_tables.payload_sentence(now, alone))
     if not situation.from_residuals and situation.planned.sentence():
         say(situation.planned.sentence())
     if steps:
-        show(gain_table(steps))
+        show(accuracy_tables.gain_table(steps))
         say(verdict(steps))
 
 
@@ -361,7 +344,7 @@ def _gain_error(given: float | None, payload_only: bool) -> float:
             "the setting gain_error changes the σ of predicted torque, which --settings "
             "payload_only=true does not print; leave out one of them"
         )
-    require_gain_error(given)
+    planned_log.require_gain_error(given)
     return given
 
 
@@ -412,7 +395,7 @@ def _require_rates_apply(
 
 
 def _friction(text: str | None) -> Friction:
-    return Friction(FRICTION if text is None else friction_columns(text))
+    return Friction(FRICTION if text is None else planned_log.friction_columns(text))
 
 
 def _further(situation: Situation, given: PredictSettings) -> MotionSamples:

@@ -13,15 +13,8 @@ from runtime.common.terminal import completing, console, say, say_notes
 from runtime.errors import IdentificationError
 from runtime.identification.posterior_file import read_posterior
 from runtime.monitoring.posterior_draws import draw_models
+from runtime.outputs.model_files import sampled_models
 from runtime.outputs.model_files.export_format import EXPORT_FORMATS
-from runtime.outputs.model_files.sampled_models import (
-    RANDOMISERS,
-    TABLE,
-    randomiser_paths,
-    sample_paths,
-    write_randomisers,
-    write_samples,
-)
 
 THICKENED = (
     "the prior takes thin links thicker than the URDF, which the log does not favour by 20 to 1: "
@@ -39,7 +32,7 @@ class SampleSettings(ResultChoices):
     to: str = output_field(
         "mjcf",
         metavar="A,B,…",
-        autocompletion=completing((*EXPORT_FORMATS, *RANDOMISERS)),
+        autocompletion=completing((*EXPORT_FORMATS, *sampled_models.RANDOMISERS)),
         help="Formats with commas, such as mjcf,urdf, and files that a training run imports: "
         "playground, mjlab, isaaclab, json.",
     )
@@ -72,13 +65,16 @@ def sample_command(given: SampleSettings) -> None:
         )
     formats = EXPORT_FORMATS.records()
     names = tuple(each.name for each in formats if each.holds_inertia and not each.is_folder)
-    chosen = listed(given.to, (*names, *RANDOMISERS), "--to")
+    chosen = listed(given.to, (*names, *sampled_models.RANDOMISERS), "--to")
     kinds = tuple(kind for kind in chosen if kind in names)
-    randomisers = tuple(kind for kind in chosen if kind in RANDOMISERS)
+    randomisers = tuple(kind for kind in chosen if kind in sampled_models.RANDOMISERS)
     folder = (
         given.out or (given.result if given.result.is_dir() else given.result.parent) / "samples"
     )
-    paths = [*sample_paths(folder, given.count, kinds), *randomiser_paths(folder, randomisers)]
+    paths = [
+        *sampled_models.sample_paths(folder, given.count, kinds),
+        *sampled_models.randomiser_paths(folder, randomisers),
+    ]
     written = ResultFolder(tuple(path.name for path in paths), "factors")
     written.require(folder, given, given.overwrite)
     saved, lib, notes = open_result(given, given.result, free_base=True, same_bodies=True)
@@ -88,9 +84,9 @@ def sample_command(given: SampleSettings) -> None:
         draws = draw_models(lib, saved, posterior, given.count, rng)
     with console.status("writing models"):
         written.begin(folder, given)
-        facts = write_samples(lib, saved, draws, kinds, folder, given.seed)
+        facts = sampled_models.write_samples(lib, saved, draws, kinds, folder, given.seed)
         if randomisers:
-            write_randomisers(lib, saved, draws, randomisers, folder, rng)
+            sampled_models.write_randomisers(lib, saved, draws, randomisers, folder, rng)
     say(
         f"{given.count} models, effective sample size {facts['effective_sample_size']:.0f}; "
         f"{100 * draws.acceptance:.0f} % of the trajectories were accepted"
@@ -101,5 +97,5 @@ def sample_command(given: SampleSettings) -> None:
     if raised := [f"{name} × {significant(float(by))}" for name, by in thick if by > 1.01]:
         notes = (*notes, THICKENED.format(", ".join(raised)))
     say_notes(notes)
-    further = [path.name for path in randomiser_paths(folder, randomisers)]
-    say(f"files: {', '.join([str(folder / TABLE), *further])}")
+    further = [path.name for path in sampled_models.randomiser_paths(folder, randomisers)]
+    say(f"files: {', '.join([str(folder / sampled_models.TABLE), *further])}")

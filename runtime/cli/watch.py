@@ -20,16 +20,7 @@ from runtime.errors import RecordingError
 from runtime.identification.posterior_file import read_posterior
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
-from runtime.monitoring.drift import (
-    ALPHA,
-    Baseline,
-    Change,
-    Verdict,
-    WatchedLog,
-    baseline_of,
-    free_baseline_of,
-    verdict_of,
-)
+from runtime.monitoring import drift
 from runtime.monitoring.model import model_of
 from runtime.monitoring.noise import read_held_out, read_test_rows
 from runtime.monitoring.trends import append_history, read_history
@@ -105,7 +96,7 @@ def watch_command(given: WatchSettings) -> None:
     watched = (_of_free_base if saved.record.is_free else _of_joints)(given, saved, lib, root)
     marks = [row_marks(day) for day in watched.days]
     verdicts = [
-        verdict_of(lib, watched.baseline, log, _is_known(saved, marks, joints))
+        drift.verdict_of(lib, watched.baseline, log, _is_known(saved, marks, joints))
         for log, joints in zip(watched.logs, watched.joints, strict=True)
     ]
     entries = [_facts(verdict) for verdict in verdicts]
@@ -142,8 +133,8 @@ def watch_command(given: WatchSettings) -> None:
 class _Watched:
     """Logs as they are tested, their joints and those of the logs of reference as read."""
 
-    baseline: Baseline
-    logs: Sequence[WatchedLog]
+    baseline: drift.Baseline
+    logs: Sequence[drift.WatchedLog]
     joints: list[Recording]
     days: list[Recording]
 
@@ -156,7 +147,9 @@ def _of_joints(given: WatchSettings, saved: SavedResult, lib: Library, root: Arr
     logs = _prepared(lib, saved, given.logs, raw)
     days = [saved.log_of(log, lib, given.recipe) for log in given.references or []]
     healthy = _prepared(lib, saved, given.references or [], days)
-    baseline = baseline_of(lib, saved, root, sigma, read_test_rows(given.result, model), healthy)
+    baseline = drift.baseline_of(
+        lib, saved, root, sigma, read_test_rows(given.result, model), healthy
+    )
     return _Watched(baseline, logs, raw, days)
 
 
@@ -165,7 +158,7 @@ def _of_free_base(given: WatchSettings, saved: SavedResult, lib: Library, root: 
     logs, days = (
         [_free_log(log, given) for log in each] for each in (given.logs, given.references or [])
     )
-    baseline = free_baseline_of(lib, saved, root, logs[0], days)
+    baseline = drift.free_baseline_of(lib, saved, root, logs[0], days)
     return _Watched(baseline, logs, [log.joints for log in logs], [day.joints for day in days])
 
 
@@ -203,14 +196,14 @@ def _prepared(
     return recordings
 
 
-def _facts(verdict: Verdict) -> dict[str, Any]:
+def _facts(verdict: drift.Verdict) -> dict[str, Any]:
     named = ("group", "where", "size", "interval", "unit")
     return {
         "log": verdict.log,
         "changed": verdict.changed,
         **{key: getattr(verdict.best, key) if verdict.changed else None for key in named},
         "p_value": verdict.p_value,
-        "alpha": ALPHA,
+        "alpha": drift.ALPHA,
         "n_eff": verdict.n_eff,
         "torque_error_percent": verdict.error,
         "sentence": verdict.sentence(),
@@ -221,12 +214,12 @@ def _facts(verdict: Verdict) -> dict[str, Any]:
     }
 
 
-def _test_facts(test: Change) -> dict[str, Any]:
+def _test_facts(test: drift.Change) -> dict[str, Any]:
     keys = ("group", "where", "size", "unit", "p_value", "freedom", "score", "least")
     return {key: getattr(test, key) for key in keys}
 
 
-def _sizes(verdict: Verdict) -> list[dict[str, Any]]:
+def _sizes(verdict: drift.Verdict) -> list[dict[str, Any]]:
     """Estimated size of every change that has one, for trends."""
     return [
         {key: getattr(test, key) for key in ("group", "where", "size", "unit", "interval")}
@@ -265,7 +258,7 @@ def _temperature(log: str, recipe: str | None, given: str | None) -> float | Non
     return number
 
 
-def _show(verdict: Verdict) -> None:
+def _show(verdict: drift.Verdict) -> None:
     say(verdict.sentence())
     title = "the change, and what it leaves" if verdict.changed else "closest to a change"
     rows = []

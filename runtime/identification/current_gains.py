@@ -31,14 +31,7 @@ from runtime.identification.settings import Settings
 from runtime.library import Array, Library
 from runtime.library.parameters import MASS, N_PARAMETERS
 from runtime.recording import Friction, Preparation, Recording, Split
-from runtime.recording.current_gains import (
-    DETERMINED,
-    LARGEST_SIGMA,
-    OF_URDF,
-    UNSEEN,
-    UP_TO_FACTOR,
-    CurrentGains,
-)
+from runtime.recording import current_gains as currents
 from runtime.recording.friction.coupled_motors import geared
 from runtime.recording.friction.model import DRIVE
 from runtime.recording.preprocessing import prepare
@@ -194,7 +187,7 @@ def current_gains(
     *,
     friction: Friction | None = None,
     preparation: Preparation | None = None,
-) -> CurrentGains:
+) -> currents.CurrentGains:
     """Estimate the gains of motor currents from one log."""
     rows, channels = _rows(recording, lib, friction or Friction(DRIVE), preparation)
     known = np.array([each.row(lib) for each in weighed]).reshape(-1, lib.n_links * N_PARAMETERS)
@@ -285,7 +278,7 @@ def _density(rows: _Channels, beta: Array, c: Array, noise: Array) -> float:
 
 def _gains(
     channels: tuple[str, ...], c: Array, sign: Array, with_prior: Array, without: Array, scale: str
-) -> CurrentGains:
+) -> currents.CurrentGains:
     share, alone = np.sqrt(np.diagonal(with_prior)), np.sqrt(np.diagonal(without))
     seen = share < 1 / _SEEN
     if not seen.any():
@@ -297,19 +290,19 @@ def _gains(
     r = without[reference]
     ratio = np.sqrt(np.maximum(np.diagonal(without) + r[reference] - 2 * r, 0.0))
     verdicts = tuple(
-        UNSEEN
+        currents.UNSEEN
         if not seen[j]
-        else DETERMINED
-        if alone[j] <= LARGEST_SIGMA
-        else UP_TO_FACTOR
-        if ratio[j] <= LARGEST_SIGMA
-        else OF_URDF
+        else currents.DETERMINED
+        if alone[j] <= currents.LARGEST_SIGMA
+        else currents.UP_TO_FACTOR
+        if ratio[j] <= currents.LARGEST_SIGMA
+        else currents.OF_URDF
         for j in range(len(c))
     )
     gain = 1 / np.where(seen, c, 1.0)
     gain = np.where(seen, gain, sign * np.median(np.abs(gain[seen])))
     inverse = np.linalg.pinv(with_prior[np.ix_(seen, seen)])
-    return CurrentGains(
+    return currents.CurrentGains(
         channels=channels,
         gain=gain,
         sigma=np.where(seen, share * np.abs(gain), np.nan),

@@ -21,18 +21,10 @@ from runtime.estimators.regression.causes import GAIN
 from runtime.estimators.regression.factor import compress
 from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import BAND_SAMPLES
-from runtime.identification import metrics, posterior_file, statistics_file
+from runtime.identification import metrics, posterior_file, saved_result, statistics_file
 from runtime.identification import result_record as schema
 from runtime.identification.identified import Identification, torque_errors
 from runtime.identification.posterior_file import friction_sigma
-from runtime.identification.saved_result import (
-    LARGEST_VALUE,
-    SavedResult,
-    model_part,
-    read_result,
-    require_model,
-    saved_from,
-)
 from runtime.library import Array, Library, load, require_library
 from runtime.library.manifest import file_units
 from runtime.recording import Preparation, Recording
@@ -229,7 +221,9 @@ def still_joints(result: Identification) -> tuple[str, ...]:
     )
 
 
-AnyResult = SavedResult | Identification | str | PathLike[str]  # a path is read by `read_result`
+AnyResult = (
+    saved_result.SavedResult | Identification | str | PathLike[str]
+)  # a path is read by `read_result`
 
 
 def record_of(result: Identification, command: str) -> schema.ResultRecord:
@@ -286,7 +280,7 @@ def record_about(lib: Library, pi: Array, lam: Array | None, **facts: Any) -> sc
     return schema.ResultRecord.with_gaps(
         format=schema.FORMAT,
         robot=lib.name,
-        model=model_part(lib),
+        model=saved_result.model_part(lib),
         joints=lib.joint_names,
         units=tuple(file_units(lib.manifest)),
         links=schema.link_parts(lib, pi, lib.relative_eigenvalues(pi)),
@@ -299,22 +293,22 @@ def record_about(lib: Library, pi: Array, lam: Array | None, **facts: Any) -> sc
 
 def opened(
     result: AnyResult, lib: Library | None, same_bodies: bool = False
-) -> tuple[SavedResult, Library, tuple[str, ...]]:
+) -> tuple[saved_result.SavedResult, Library, tuple[str, ...]]:
     """Result of any kind as `read_result` gives it, its library or the given one, and notes."""
     if isinstance(result, Identification):
         place, lib = f"the result of {result.lib.name}", result.lib if lib is None else lib
         record, recipe = record_of(result, ""), statistics_file.of_further_logs(result)
-        saved = saved_from(record, place, True, result.row_marks, recipe)
-    elif isinstance(result, SavedResult):
+        saved = saved_result.saved_from(record, place, True, result.row_marks, recipe)
+    elif isinstance(result, saved_result.SavedResult):
         saved, place = result, f"the result of {result.record.robot}"
     elif isinstance(result, str | PathLike):
-        saved, place = read_result(result, with_learned=True), str(result)
+        saved, place = saved_result.read_result(result, with_learned=True), str(result)
     else:
         kinds = "a result of runtime.identify or runtime.read_result, or the folder of one"
         raise IdentificationError(f"expected {kinds}, got {result!r:.60}")
     lib = load(saved.record.robot) if lib is None else lib
     require_library(lib)
-    return saved, lib, require_model(saved.record, lib, place, same_bodies)
+    return saved, lib, saved_result.require_model(saved.record, lib, place, same_bodies)
 
 
 def write_result(result: Identification, folder: Path, command: str) -> schema.ResultRecord:
@@ -342,11 +336,11 @@ def write_files(
 def require_size(values: Array) -> None:
     """Refuse parameters that no reader would accept."""
     largest = float(np.abs(values).max())
-    if not largest < LARGEST_VALUE:
+    if not largest < saved_result.LARGEST_VALUE:
         raise IdentificationError(
-            f"expected parameters and friction coefficients below {LARGEST_VALUE:g} in SI units, "
-            f"got {largest:.3g}, so nothing was written; leave out friction columns that the "
-            "motion does not excite, or use a method with a prior (map)"
+            f"expected parameters and friction coefficients below {saved_result.LARGEST_VALUE:g} "
+            f"in SI units, got {largest:.3g}, so nothing was written; leave out friction columns "
+            "that the motion does not excite, or use a method with a prior (map)"
         )
 
 

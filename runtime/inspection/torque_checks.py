@@ -9,13 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from runtime.errors import RuntimeFault
-from runtime.estimators.choice.regressor_choice import (
-    ROWS_PER_CUTOFF,
-    CutoffChoice,
-    choose_cutoff,
-    choose_regressor,
-    differentiation_of,
-)
+from runtime.estimators.choice import regressor_choice
 from runtime.estimators.regression.causes import Causes
 from runtime.inspection.checks import column_faults, drives, gravity, model_fit, signals
 from runtime.inspection.checks.torque_rows import TorqueRows, rough, scale, torque_rows_of
@@ -74,7 +68,7 @@ class CheckRun:
 
     def regressor(self, usual: Preparation) -> None:
         """Warn of accelerations that fail with a preparation."""
-        _, failing = choose_regressor(self.recording, self.lib, usual)
+        _, failing = regressor_choice.choose_regressor(self.recording, self.lib, usual)
         self.findings += [Finding("differentiation", WARNING, each) for each in failing]
 
 
@@ -205,7 +199,7 @@ def _harmless_cutoff(recording: Recording, lib: Library, usual: Preparation) -> 
     """Cut-off of the proposal [Hz], lowered step by step where noise remains: motion goes too."""
     tried = usual
     for _ in range(_LOWERED):
-        quality = differentiation_of(recording, lib, tried)
+        quality = regressor_choice.differentiation_of(recording, lib, tried)
         if quality is None or not quality.fails:
             return tried.cutoff_hz
         if quality.harmless_hz >= quality.cutoff_hz:
@@ -287,21 +281,23 @@ def proposed_preparation(
     terms: Friction,
 ) -> tuple[Preparation, list[Finding]]:
     """Choose cut-off, derivative and regressor."""
-    choice = choose_cutoff(recording, lib, preparation, split, terms)
+    choice = regressor_choice.choose_cutoff(recording, lib, preparation, split, terms)
     findings = [Finding("cutoff", INFO, choice.sentence)]
     seen = before_test(recording, split)
     for ready in _candidates(choice):
-        quality = differentiation_of(seen, lib, ready)
+        quality = regressor_choice.differentiation_of(seen, lib, ready)
         if quality is None or not quality.fails:
             if ready != choice.preparation:
                 findings.append(_instead(ready, choice))
             return _thinned(ready, recording, lib), findings
-    taken, sentences = choose_regressor(seen, lib, choice.preparation, replaces=True)
+    taken, sentences = regressor_choice.choose_regressor(
+        seen, lib, choice.preparation, replaces=True
+    )
     findings += [Finding("regressor", INFO, each) for each in sentences]
     return _thinned(taken or choice.preparation, recording, lib), findings
 
 
-def _candidates(choice: CutoffChoice) -> list[Preparation]:
+def _candidates(choice: regressor_choice.CutoffChoice) -> list[Preparation]:
     """The chosen preparation, then those of the others that predict nearly as well."""
     best = min(c.score for c in choice.candidates)
     near = [c for c in choice.candidates if c.score <= (1.0 + WORSE) * best]
@@ -320,7 +316,7 @@ def _candidates(choice: CutoffChoice) -> list[Preparation]:
     return [ready, *(each for each in others if each != ready)]
 
 
-def _instead(ready: Preparation, choice: CutoffChoice) -> Finding:
+def _instead(ready: Preparation, choice: regressor_choice.CutoffChoice) -> Finding:
     """The note that another candidate is proposed."""
     from_q = " with velocities from q" * (ready.derivative == "position")
     sentence = (
@@ -334,7 +330,7 @@ def _instead(ready: Preparation, choice: CutoffChoice) -> Finding:
 def _thinned(ready: Preparation, recording: Recording, lib: Library) -> Preparation:
     """A preparation decimated to the rate of its band; rest goes unless little would be left."""
     grid = ready.grid_hz or (1.0 / ready.clock_tick if ready.clock_tick else recording.rate_hz)
-    most = grid / (ROWS_PER_CUTOFF * (ready.cutoff_hz or grid))
+    most = grid / (regressor_choice.ROWS_PER_CUTOFF * (ready.cutoff_hz or grid))
     step = max(k for k in _STEPS if k <= max(most, 1.0))
     moves = signals.moving_joints(recording, lib).any(axis=1).mean() > 1.0 - signals.MOSTLY
     return replace(

@@ -35,6 +35,7 @@ from typing import Any
 import jinja2
 
 from runtime.common.files import json_text
+from symgen.emit import sample
 from symgen.emit.forms import (
     Forms,
     Kernels,
@@ -45,15 +46,6 @@ from symgen.emit.forms import (
     is_composed,
 )
 from symgen.emit.programs import programs
-from symgen.emit.sample import (
-    DOUBLE,
-    LONG,
-    Numbers,
-    ReferenceCode,
-    c_body,
-    parts_of,
-    reference_code,
-)
 from symgen.emit.ssa import TileProgram
 from symgen.errors import BuildError
 from symgen.kernel import Argument, Kernel
@@ -79,7 +71,7 @@ class StackBounds:
 
 
 def stack_bounds(
-    kernels: tuple[Kernel, ...], forms: Forms, reference: ReferenceCode
+    kernels: tuple[Kernel, ...], forms: Forms, reference: sample.ReferenceCode
 ) -> StackBounds:
     """Bounds for every kernel and every vector width."""
     by_name = {k.name: k for k in kernels}
@@ -152,8 +144,8 @@ SHIPPED = (
     *("loss_gradient", "torque_derivatives"),
 )
 """Kernels of the header, called functions before their callers."""
-NUMBERS = Numbers("T", "T({})", turn="symgen_turn")
-PRECISIONS = {"double": DOUBLE, "single": Numbers("float", "{}f", "f")}
+NUMBERS = sample.Numbers("T", "T({})", turn="symgen_turn")
+PRECISIONS = {"double": sample.DOUBLE, "single": sample.Numbers("float", "{}f", "f")}
 """Numbers of a microcontroller."""
 SHARED_MEMORY = 24576  # bytes of rows in shared memory of a block, half of what every device has
 WHOLE = 16  # rows are padded to as many bytes: four numbers in single precision load as one
@@ -203,10 +195,10 @@ def controller_files(
     return {f"{name}.{end}": renderer()(f"controller.{end}.jinja2", context) for end in ("c", "h")}
 
 
-def _body(prefix: str, kernel: Kernel, kernels: Kernels, numbers: Numbers) -> list[str]:
+def _body(prefix: str, kernel: Kernel, kernels: Kernels, numbers: sample.Numbers) -> list[str]:
     """Statements for one sample; compositions call functions with the prefix."""
     if not is_composed(kernel, kernels):
-        return c_body(kernel, numbers)
+        return sample.c_body(kernel, numbers)
     lines = composed_body(prefix, kernel, kernels)
     return [line.replace("double ", f"{numbers.type} ") for line in lines]
 
@@ -259,7 +251,7 @@ def emit(
         referenced = tuple(
             k for k in kernels if k.operations <= longest_reference and k.name != "torque"
         )
-    reference = reference_code(referenced)
+    reference = sample.reference_code(referenced)
     context: dict[str, Any] = {"name": name, "kernels": kernels, "versions": versions}
     shown = {"reference": reference, "kernels": referenced}
     reference_c = render("reference.c.jinja2", context | shown)
@@ -282,7 +274,9 @@ def emit(
     context |= {
         "bodies": forms.bodies,
         "parts": {
-            kernel: parts_of(lines) for kernel, lines in forms.bodies.items() if len(lines) > LONG
+            kernel: sample.parts_of(lines)
+            for kernel, lines in forms.bodies.items()
+            if len(lines) > sample.LONG
         },
         "tiles": forms.tiles,
         "products": forms.products,

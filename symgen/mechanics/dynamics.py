@@ -33,6 +33,7 @@ import numpy as np
 from symgen.chain import Chain
 from symgen.chain.model import BASE_FREEDOM, FLOATING
 from symgen.kernel import Array, Matrix
+from symgen.mechanics import kinematics
 from symgen.mechanics.closure import supplied
 from symgen.mechanics.inertia import (
     N_PARAMETERS,
@@ -40,15 +41,6 @@ from symgen.mechanics.inertia import (
     in_parent_frame,
     pi_from_lam,
     sum_of_bodies,
-)
-from symgen.mechanics.kinematics import (
-    all_accelerations,
-    all_positions,
-    all_rates,
-    independent_forces,
-    independent_mass,
-    joint_poses,
-    per_joint,
 )
 from symgen.mechanics.spatial import joint_pose
 
@@ -58,9 +50,9 @@ def inverse_dynamics(
 ) -> Matrix:
     """τ(q, dq, ddq, π) (Eqs. 2.34, 4.3, 4.4)."""
     n = len(chain.joints)
-    ddq = per_joint(chain, all_accelerations(chain, q, dq, ddq))
-    dq = per_joint(chain, all_rates(chain, q, dq))
-    poses = joint_poses(chain, q)
+    ddq = kinematics.per_joint(chain, kinematics.all_accelerations(chain, q, dq, ddq))
+    dq = kinematics.per_joint(chain, kinematics.all_rates(chain, q, dq))
+    poses = kinematics.joint_poses(chain, q)
     omega: list[Matrix] = []
     alpha: list[Matrix] = []
     accel: list[Matrix] = []
@@ -114,7 +106,7 @@ def inverse_dynamics(
                 + ca.mtimes(pose.rotation, m)
                 + ca.cross(pose.translation, f_parent)
             )
-    return independent_forces(chain, q, ca.vertcat(*tau))
+    return kinematics.independent_forces(chain, q, ca.vertcat(*tau))
 
 
 def _spread(w: Matrix, al: Matrix) -> Matrix:
@@ -215,7 +207,7 @@ def energies(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> tuple[Matrix, M
     zero where every frame is at the base. Lagrange's equations of T − U are those of
     `inverse_dynamics`.
     """
-    dq, q = all_rates(chain, q, dq), all_positions(chain, q)
+    dq, q = kinematics.all_rates(chain, q, dq), kinematics.all_positions(chain, q)
     omega: list[Matrix] = []
     speed: list[Matrix] = []
     down: list[Matrix] = []  # gravity in the link's frame
@@ -278,7 +270,7 @@ def _centrifugal(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
 def mass_matrix(chain: Chain, q: Matrix, pi: Matrix) -> Matrix:
     """M(q) = ∂τ/∂ddq, M = Mᵀ to the bit (Eq. 2.34), (n, n) [kg·m², kg·m, kg]."""
     n = len(chain.joints)
-    poses = joint_poses(chain, q)
+    poses = kinematics.joint_poses(chain, q)
     beyond = bodies_of(pi)
     size = n - 1 + BASE_FREEDOM if chain.floating else n
     first = size - n  # joint i has row and column first + i
@@ -312,7 +304,7 @@ def mass_matrix(chain: Chain, q: Matrix, pi: Matrix) -> Matrix:
         if joint.parent >= 0:
             more = in_parent_frame(pose.rotation, pose.translation, beyond[i])
             beyond[joint.parent] = sum_of_bodies(beyond[joint.parent], more)
-    return ca.densify(independent_mass(chain, q, m))
+    return ca.densify(kinematics.independent_mass(chain, q, m))
 
 
 def forward_dynamics(

@@ -68,8 +68,8 @@ def test_compiled_parts_agree_with_the_tiles(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Oracle: torques of kernels in parts of 50 statements equal those of the vector code."""
-    monkeypatch.setattr("symgen.emit.files.LONG", 100)
-    monkeypatch.setattr("symgen.emit.files.parts_of", partial(parts_of, size=50))
+    monkeypatch.setattr("symgen.emit.sample.LONG", 100)
+    monkeypatch.setattr("symgen.emit.sample.parts_of", partial(parts_of, size=50))
     request = BuildRequest("gantry", (DATA / "gantry.urdf").read_text())
     folder = build(request, tmp_path, levels=ONE_LEVEL).folder
     assert "torque_derivatives_part_2(" in (folder / "kernels.c").read_text()

@@ -32,13 +32,7 @@ import numpy as np
 from runtime.common.tables import significant
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError, RuntimeFault
-from runtime.estimators.choice.friction_choice import (
-    BLOCKS,
-    LEAST_GAIN,
-    excess_of,
-    predicted,
-    solved,
-)
+from runtime.estimators.choice import friction_choice
 from runtime.estimators.regression.coloured_noise import coloured_noise_of
 from runtime.estimators.regression.factor import Statistics, compress
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
@@ -118,16 +112,16 @@ def _chosen(errors: dict[_Key, Array], white: dict[_Key, float], base: Preparati
     best = _best(errors)
     candidates = []
     for key, blocks in scores.items():
-        excess = excess_of(blocks, scores[best])
+        excess = friction_choice.excess_of(blocks, scores[best])
         candidates.append(CutoffCandidate(*key, float(blocks.mean()), *excess, white[key]))
-    alike = [c for c in candidates if c.excess <= LEAST_GAIN * scores[best].mean()]
+    alike = [c for c in candidates if c.excess <= friction_choice.LEAST_GAIN * scores[best].mean()]
     measured = [c for c in alike if c.derivative == base.derivative]
     chosen = max(measured or alike, key=lambda c: c.white)
     aside = "; velocities from q predict better than the measured ones, which are not used"
     sentence = (
-        f"cut-off {chosen.cutoff_hz:g} Hz chosen by cross-validation on {BLOCKS} blocks: of the "
-        "candidates that predict the unfiltered torque as well as the best one, it has the largest "
-        f"share of independent rows ({100 * chosen.white:.0f} %)"
+        f"cut-off {chosen.cutoff_hz:g} Hz chosen by cross-validation on {friction_choice.BLOCKS} "
+        "blocks: of the candidates that predict the unfiltered torque as well as the best one, it "
+        f"has the largest share of independent rows ({100 * chosen.white:.0f} %)"
         f"{aside * (chosen.derivative != base.derivative)}"
     )
     ready = replace(
@@ -181,9 +175,9 @@ class _Trials:
         rows = np.ones(len(middle), dtype=bool)
         if base.rest_speed is not None and middle.dq is not None:
             rows &= np.any(np.abs(middle.dq) >= base.rest_speed, axis=1)
-        self._blocks = np.array_split(np.flatnonzero(rows), BLOCKS)
+        self._blocks = np.array_split(np.flatnonzero(rows), friction_choice.BLOCKS)
         unknowns = len(lib.base_columns) + lib.n_joints * len(terms.columns)
-        equations = min(len(b) for b in self._blocks) * lib.n_joints * (BLOCKS - 1)
+        equations = min(len(b) for b in self._blocks) * lib.n_joints * (friction_choice.BLOCKS - 1)
         if equations < 2 * unknowns:
             raise IdentificationError(
                 f"the training part gives {equations} equations for {unknowns} unknowns, too few "
@@ -203,12 +197,15 @@ class _Trials:
         weighted = weights
         for _ in range(_PASSES):
             weighted, stats = weights, [compress(self._lib, block, weights) for block in blocks]
-            x, _rank = solved(stats)
-            rest = np.concatenate([block.tau - predicted(self._lib, block, x) for block in blocks])
+            x, _rank = friction_choice.solved(stats)
+            rest = np.concatenate(
+                [block.tau - friction_choice.predicted(self._lib, block, x) for block in blocks]
+            )
             power = rest.var(axis=0)
             weights = 1.0 / np.maximum(power, 1e-12 * power.max() + 1e-30)
         left_out = tuple(
-            solved([s for i, s in enumerate(stats) if i != k])[0] for k in range(len(blocks))
+            friction_choice.solved([s for i, s in enumerate(stats) if i != k])[0]
+            for k in range(len(blocks))
         )
         noise = coloured_noise_of(self._lib, blocks, stats[0].merged(*stats[1:]), weighted)
         white = min(1.0, max(1.0, needed / step) / noise.inflation)
@@ -230,7 +227,7 @@ class _Trials:
         pairs = zip(blocks, estimates, self._blocks, strict=True)
         return np.array(
             [
-                np.mean((self._tau[rows] - predicted(self._lib, b, x)) ** 2, axis=0)
+                np.mean((self._tau[rows] - friction_choice.predicted(self._lib, b, x)) ** 2, axis=0)
                 for b, x, rows in pairs
             ]
         )

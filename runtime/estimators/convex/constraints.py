@@ -14,14 +14,8 @@ from scipy.linalg import block_diag, null_space
 from scipy.sparse import csc_matrix
 
 from runtime.errors import IdentificationError
+from runtime.estimators.convex import newton
 from runtime.estimators.convex.entropic_prior import Prior
-from runtime.estimators.convex.newton import (
-    HalfSpaces,
-    Minimum,
-    Subspace,
-    convex_problem,
-    minimise_anywhere,
-)
 from runtime.estimators.regression.factor import Reduced
 from runtime.library import Array
 from runtime.library.parameters import N_PARAMETERS
@@ -52,20 +46,22 @@ class Constraints:
 
 def constrained(
     constraints: Constraints, data: Reduced, prior: Prior, gamma: float | Array
-) -> tuple[Minimum, tuple[str, ...]]:
+) -> tuple[newton.Minimum, tuple[str, ...]]:
     """Minimise under entropic and linear priors."""
     # W with Wᵀ W the curvature of the prior: ‖W (π − π0)‖² / 2 is D to second order.
     _, blocks = prior.bodies.curvature(prior.centre)
     whiten = np.asarray(block_diag(*(np.linalg.cholesky(b).T for b in blocks)))
     start = _inside(constraints, prior, whiten)
     rows, limits = _stacked(constraints.bounds, start.size)
-    inside = HalfSpaces(rows, limits, BARRIER * float(np.min(gamma))) if len(rows) else None
+    inside = newton.HalfSpaces(rows, limits, BARRIER * float(np.min(gamma))) if len(rows) else None
     free = None
     if constraints.equations:
         matrix, _ = _stacked(constraints.equations, start.size)
         scaled = np.asarray(np.linalg.solve(whiten.T, matrix.T).T)  # E in whitened unknowns
-        free = Subspace(start, np.asarray(np.linalg.solve(whiten, null_space(scaled))))
-    minimum = minimise_anywhere(convex_problem(data, prior, gamma, inside, free), start)
+        free = newton.Subspace(start, np.asarray(np.linalg.solve(whiten, null_space(scaled))))
+    minimum = newton.minimise_anywhere(
+        newton.convex_problem(data, prior, gamma, inside, free), start
+    )
     notes: tuple[str, ...] = ()
     if len(rows):
         scale = np.linalg.norm(np.linalg.solve(whiten.T, rows.T), axis=0)

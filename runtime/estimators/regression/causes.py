@@ -26,20 +26,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import chdtri
 
-from runtime.estimators.regression.coloured_noise import (
-    coloured_noise_of_shares,
-    slow_cosines,
-    slow_part,
-    tells,
-    time_step,
-)
-from runtime.estimators.regression.model_error import (
-    SIGNIFICANCE,
-    FreeFit,
-    free_fit,
-    nuisance_of,
-    scatter,
-)
+from runtime.estimators.regression import coloured_noise, model_error
 from runtime.estimators.regression.posterior import APART, ROUNDING, posterior_of
 from runtime.estimators.regression.samples import NORMAL_95, Samples
 from runtime.library import Array, Library
@@ -145,22 +132,24 @@ class Causes:
 
 def causes_of_rows(lib: Library, samples: Samples, weights: Array, pi: Array) -> Causes:
     """Compare the causes of what base parameters and friction leave of samples of weights (n,)."""
-    fit = free_fit(lib, samples, weights)
+    fit = model_error.free_fit(lib, samples, weights)
     return Causes() if fit is None else causes_of(lib, fit, pi)
 
 
-def causes_of(lib: Library, fit: FreeFit, pi: Array) -> Causes:
+def causes_of(lib: Library, fit: model_error.FreeFit, pi: Array) -> Causes:
     """Compare the causes of what a fit leaves."""
     if fit.samples.equations != lib.n_joints:
         return Causes()
     count, n = len(fit.samples), fit.scale.size
-    cosines = slow_cosines(fit.samples)
+    cosines = coloured_noise.slow_cosines(fit.samples)
     fit = fit.slow(cosines)
     kinds, parts = zip(*_columns(lib, fit, pi), strict=True)
-    parts = tuple(slow_part(each, cosines) for each in parts)
+    parts = tuple(coloured_noise.slow_part(each, cosines) for each in parts)
     groups = np.repeat(np.arange(len(kinds)), [each.shape[2] for each in parts])
     columns = np.concatenate(parts, axis=2).reshape(count * n, -1)
-    if not tells(fit.samples.equations, cosines, fit.basis.shape[1] + columns.shape[1]):
+    if not coloured_noise.tells(
+        fit.samples.equations, cosines, fit.basis.shape[1] + columns.shape[1]
+    ):
         return Causes(tuple(Cause(kind, j, 0.0, np.inf, 0.0, 0.0, np.inf) for kind, j, _ in kinds))
     lengths = np.linalg.norm(columns, axis=0)
     columns = columns - fit.basis @ (fit.basis.T @ columns)
@@ -173,12 +162,14 @@ def causes_of(lib: Library, fit: FreeFit, pi: Array) -> Causes:
     z = q.T @ fit.rest
     rest = fit.rest - q @ z
     shares, unknowns = fit.shares_with(q), fit.basis.shape[1] + q.shape[1]
-    density = coloured_noise_of_shares(shares, rest.reshape(count, n), unknowns).density
+    density = coloured_noise.coloured_noise_of_shares(
+        shares, rest.reshape(count, n), unknowns
+    ).density
     if not density > 0:
         return Causes()
-    spread = scatter(fit.samples, q, rest.reshape(count, n), density)
+    spread = model_error.scatter(fit.samples, q, rest.reshape(count, n), density)
     beside = replace(fit, basis=np.hstack([fit.basis, q]), rest=rest)
-    shapes = nuisance_of(lib, beside, pi, density).scores[fit.basis.shape[1] :]
+    shapes = model_error.nuisance_of(lib, beside, pi, density).scores[fit.basis.shape[1] :]
     usual = np.array([USUAL_GAIN if kinds[k][0] == GAIN else 0.0 for k in groups])
     taken = q.T @ columns
     spread += shapes @ shapes.T + (taken * usual) @ (taken * usual).T
@@ -187,7 +178,7 @@ def causes_of(lib: Library, fit: FreeFit, pi: Array) -> Causes:
     ranked, whole = [], np.linalg.norm(fit.predicted.reshape(count, n) / fit.scale)
     for k, (kind, joint, across) in enumerate(kinds):
         chosen = (groups == k) & seen
-        threshold = float(chdtri(max(int(chosen.sum()), 1), SIGNIFICANCE))
+        threshold = float(chdtri(max(int(chosen.sum()), 1), model_error.SIGNIFICANCE))
         if not chosen.any():
             ranked.append(Cause(kind, joint, 0.0, np.inf, 0.0, 0.0, threshold))
             continue
@@ -228,7 +219,7 @@ def potential_rows(lib: Library, q: Array) -> Array:
 
 
 def _columns(
-    lib: Library, fit: FreeFit, pi: Array
+    lib: Library, fit: model_error.FreeFit, pi: Array
 ) -> Iterator[tuple[tuple[str, int, Array], Array]]:
     """Kind, joint and axes of every cause, and its weighted columns, (N, n, k)."""
     s, n = fit.samples, fit.scale.size
@@ -236,7 +227,7 @@ def _columns(
     for j, only in enumerate(np.eye(n)):
         yield (GAIN, j, none), (predicted * only)[..., None]
         yield (OFFSET, j, none), np.broadcast_to(fit.scale * only, predicted.shape)[..., None]
-    if (step := time_step(s)) and len(predicted) > 2:
+    if (step := coloured_noise.time_step(s)) and len(predicted) > 2:
         rate = np.asarray(np.gradient(predicted, step, axis=0))
         yield (DELAY, -1, none), -rate[..., None]
     if s.acceleration is None:

@@ -26,13 +26,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import dct, idct, next_fast_len
 
+from runtime.estimators.regression import posterior
 from runtime.estimators.regression.factor import Statistics
-from runtime.estimators.regression.posterior import (
-    basis_of_joints,
-    least_squares,
-    orthonormal,
-    posterior_of,
-)
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 
@@ -64,22 +59,22 @@ def coloured_noise_of(
 ) -> ColouredNoise:
     """Noise of what least squares over base parameters and friction leaves; no model is needed."""
     # Orthonormal basis Q = rows · root of the columns, from the triangular factor.
-    fit = posterior_of(statistics.factor, statistics.target)
+    fit = posterior.posterior_of(statistics.factor, statistics.target)
     root, scale = fit.root, np.sqrt(weights)
     # Directions of the base parameters: columns of Y_b without their part along F.
     directions = None
     if only_base:
         unit, _ = statistics.unit_columns()
         first, others = unit[:, : statistics.n_base], unit[:, statistics.n_base :]
-        apart = least_squares(others, first)[1]
-        apart = orthonormal(apart, lengths=np.ones(statistics.n_base))
+        apart = posterior.least_squares(others, first)[1]
+        apart = posterior.orthonormal(apart, lengths=np.ones(statistics.n_base))
         directions = (statistics.factor @ root).T @ apart
 
     def basis_and_rest(samples: Samples) -> tuple[Array, Array, Array | None]:
         rows = np.concatenate([samples.base_rows(lib), samples.friction_rows()], axis=2)
         rows *= scale[:, None]
-        some = None if directions is None else basis_of_joints(rows, root @ directions)
-        return basis_of_joints(rows, root), rows @ fit.mean - samples.tau * scale, some
+        some = None if directions is None else posterior.basis_of_joints(rows, root @ directions)
+        return posterior.basis_of_joints(rows, root), rows @ fit.mean - samples.tau * scale, some
 
     pieces = (
         basis_and_rest(part.rows(rows)) for part in parts for rows in _pieces(len(part), len(parts))
@@ -93,7 +88,7 @@ def coloured_noise_of_rows(rows: Array, target: Array) -> ColouredNoise:
     """Noise of a linear fit whose rows fit into memory."""
     count, n, p = rows.shape
     flat = rows.reshape(count * n, p)
-    q, flat_target = orthonormal(flat), target.ravel()
+    q, flat_target = posterior.orthonormal(flat), target.ravel()
     rest = flat_target - q @ (q.T @ flat_target)
     return coloured_noise_of_basis([(q.reshape(count, n, -1), rest.reshape(count, n))], 1)
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from runtime.errors import IdentificationError
+from runtime.excitation.limits import distance_limits
 from runtime.excitation.limits.carried_body import (
     LABEL,
     OBSTACLE,
@@ -12,12 +13,6 @@ from runtime.excitation.limits.carried_body import (
     with_load,
 )
 from runtime.excitation.limits.dependent_joints import dependent_joints
-from runtime.excitation.limits.distance_limits import (
-    LinkClearance,
-    TableClearance,
-    TipBox,
-    TipSpeed,
-)
 from runtime.excitation.limits.nonlinear_limits import Braking, Constraint, Side, TimedConstraint
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.limits.torque_limits import ModelBand, TorqueLimit, known_torque_of
@@ -95,10 +90,10 @@ def _tip(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
     chosen: list[TimedConstraint] = []
     if safety.box is not None:
         ends = np.array(safety.box, dtype=float)
-        chosen.append(TipBox(lib, ends[::2], ends[1::2]))
+        chosen.append(distance_limits.TipBox(lib, ends[::2], ends[1::2]))
     speed = float(lib.limits()["tip_speed"])
     if np.isfinite(speed):
-        chosen.append(TipSpeed(lib, speed))
+        chosen.append(distance_limits.TipSpeed(lib, speed))
     return tuple(chosen)
 
 
@@ -141,12 +136,12 @@ def distances(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
     chosen: list[TimedConstraint] = []
     if lib.pairs:
         names = tuple(f"{pair.first} and {pair.second}" for pair in lib.pairs)
-        chosen.append(LinkClearance(lib, _margins(lib, safety.clearance), names))
+        chosen.append(distance_limits.LinkClearance(lib, _margins(lib, safety.clearance), names))
     if safety.table is not None:
         margin = TABLE_MARGIN if safety.clearance is None else safety.clearance
         rows = _lifted(lib)
         proxies = tuple(lib.moving_proxies[row] for row in rows)
-        chosen.append(TableClearance(lib, safety.table, margin, proxies, rows))
+        chosen.append(distance_limits.TableClearance(lib, safety.table, margin, proxies, rows))
     return (*chosen, *_obstacle_distances(lib, safety), *_carried_distances(lib, safety))
 
 

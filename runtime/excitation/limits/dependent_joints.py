@@ -16,12 +16,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from runtime.excitation.limits.nonlinear_limits import (
-    ROUNDING,
-    SMOOTH,
-    IntervalBounds,
-    SampledMotion,
-)
+from runtime.excitation.limits import nonlinear_limits
 from runtime.library import Array, Library
 
 KINDS = ("position of dependent joints", "velocity of dependent joints")
@@ -62,14 +57,14 @@ class DependentJoints:
             slopes[:, :, 0, j] = (ahead[2] - behind[2]) / 4
         return slopes
 
-    def rise(self, bounds: IntervalBounds, order: int) -> Array:
+    def rise(self, bounds: nonlinear_limits.IntervalBounds, order: int) -> Array:
         """Largest rise (K, R) of x or of a derivative between samples; of couplings."""
         rows, n = list(self.rows), self.lib.n_joints
         matrix = np.abs(self.lib.all_velocities(np.eye(n))[:, rows].T)  # A
         size = bounds.motion[order] @ matrix.T
         if order == 0:
             size = size + np.abs(self.lib.all_positions(np.zeros(n))[rows])  # b
-        return bounds.bend(bounds.motion[order + 2] @ matrix.T) + ROUNDING * size
+        return bounds.bend(bounds.motion[order + 2] @ matrix.T) + nonlinear_limits.ROUNDING * size
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +72,7 @@ class DependentLimit:
     """Finite ends of position or velocity of R dependent joints, upper ones first."""
 
     even: ClassVar[bool] = True
-    precision: ClassVar[tuple[float, float]] = SMOOTH
+    precision: ClassVar[tuple[float, float]] = nonlinear_limits.SMOOTH
     joints: DependentJoints  # the joints
     order: int  # 0 of positions, 1 of velocities
     upper: Array  # upper, lower: ends, (R,)
@@ -110,12 +105,12 @@ class DependentLimit:
         slopes = self.joints.slopes(motion[0], self.order * motion[1])[:, :, 1 - self.order :]
         return self._both(slopes.transpose(0, 2, 3, 1)).transpose(0, 3, 1, 2)
 
-    def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
+    def along(self, sampled: nonlinear_limits.SampledMotion) -> tuple[Array, Array]:
         """Values, and rates with the next derivative."""
         states = self.joints.motion(sampled.motion)
         return self._beyond(states[self.order]), self._both(states[self.order + 1])
 
-    def rise(self, bounds: IntervalBounds) -> Array:
+    def rise(self, bounds: nonlinear_limits.IntervalBounds) -> Array:
         """Rise by the second derivative of the quantity."""
         return np.abs(self._both(self.joints.rise(bounds, self.order)))
 

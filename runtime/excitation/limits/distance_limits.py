@@ -14,15 +14,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from runtime.excitation.limits.nonlinear_limits import (
-    ROUNDING,
-    SMOOTH,
-    Body,
-    Constraint,
-    IntervalBounds,
-    SampledMotion,
-    times,
-)
+from runtime.excitation.limits import nonlinear_limits
 from runtime.library import Array, Indices, Library, ProxyFacts
 
 LENGTH = 0.1  # unit of distances in constraints, m: what is missing or left by this is one limit
@@ -36,7 +28,7 @@ class TipBox:
     kind: ClassVar[str] = "tip box"
     orders: ClassVar[int] = 1
     even: ClassVar[bool] = True
-    precision: ClassVar[tuple[float, float]] = SMOOTH
+    precision: ClassVar[tuple[float, float]] = nonlinear_limits.SMOOTH
     labels: ClassVar[tuple[str, ...]] = ("x max", "y max", "z max", "x min", "y min", "z min")
     lib: Library
     lower: Array
@@ -52,16 +44,16 @@ class TipBox:
         slope = self.lib.tip_motion(motion[0], motion[1])[2][:, :, None] / LENGTH
         return np.concatenate([slope, -slope], axis=1)
 
-    def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
+    def along(self, sampled: nonlinear_limits.SampledMotion) -> tuple[Array, Array]:
         """Values, and rates from ±v."""
         p, v, _ = sampled.tip
         g = np.concatenate([p - self.upper, self.lower - p], axis=1) / LENGTH
         return g, np.concatenate([v, -v], axis=1) / LENGTH
 
-    def rise(self, bounds: IntervalBounds) -> Array:
+    def rise(self, bounds: nonlinear_limits.IntervalBounds) -> Array:
         """Rise by d²p/dt²."""
         p, _, second, _ = bounds.tip
-        rise = bounds.bend(second) + ROUNDING * p
+        rise = bounds.bend(second) + nonlinear_limits.ROUNDING * p
         return np.repeat(rise[:, None] / LENGTH, len(self.labels), axis=1)
 
     def measured(self, row: int, g: float) -> tuple[float, float, str]:
@@ -77,7 +69,7 @@ class TipSpeed:
     kind: ClassVar[str] = "tip speed"
     orders: ClassVar[int] = 2
     even: ClassVar[bool] = True
-    precision: ClassVar[tuple[float, float]] = SMOOTH
+    precision: ClassVar[tuple[float, float]] = nonlinear_limits.SMOOTH
     labels: ClassVar[tuple[str, ...]] = ("tip",)
     lib: Library
     limit: float
@@ -93,16 +85,16 @@ class TipSpeed:
         slope = np.stack([by_position, by_speed], axis=2)  # ∂v/∂dq = ∂p/∂q
         return np.einsum("ni,nidj->ndj", v, slope)[:, None] / self.limit**2
 
-    def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
+    def along(self, sampled: nonlinear_limits.SampledMotion) -> tuple[Array, Array]:
         """Values, and rates v · dv/dt / v_max²."""
         _, v, dv = sampled.tip
         square, rate = (np.einsum("ni,ni->n", v, x)[:, None] / self.limit**2 for x in (v, dv))
         return (square - 1) / 2, rate
 
-    def rise(self, bounds: IntervalBounds) -> Array:
+    def rise(self, bounds: nonlinear_limits.IntervalBounds) -> Array:
         """Rise by v · d²v/dt² + (dv/dt)²."""
         _, v, dv, ddv = bounds.tip
-        rise = bounds.bend(v * ddv + dv**2) + ROUNDING * v**2
+        rise = bounds.bend(v * ddv + dv**2) + nonlinear_limits.ROUNDING * v**2
         return rise[:, None] / self.limit**2
 
     def measured(self, row: int, g: float) -> tuple[float, float, str]:
@@ -124,7 +116,7 @@ class Clearance(ABC):
         """Distances (N, R) m at positions (N, n), and their slopes by q, (N, R, n)."""
 
     @abstractmethod
-    def approaches(self, bounds: IntervalBounds) -> Array:
+    def approaches(self, bounds: nonlinear_limits.IntervalBounds) -> Array:
         """Bounds of the rates of the distances, (K, R) m/s."""
 
     def distances(self, motion: Array) -> Array:
@@ -139,15 +131,17 @@ class Clearance(ABC):
         """Slopes −∂distance/∂q."""
         return -self.distances_and_slopes(motion[0])[1][:, :, None] / LENGTH
 
-    def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
+    def along(self, sampled: nonlinear_limits.SampledMotion) -> tuple[Array, Array]:
         """Values, and rates −∂distance/∂q dq."""
         distance, slope = self.distances_and_slopes(sampled.motion[0])
-        return (self.margin - distance) / LENGTH, times(slope, sampled.motion[1]) / -LENGTH
+        return (self.margin - distance) / LENGTH, nonlinear_limits.times(
+            slope, sampled.motion[1]
+        ) / -LENGTH
 
-    def rise(self, bounds: IntervalBounds) -> Array:
+    def rise(self, bounds: nonlinear_limits.IntervalBounds) -> Array:
         """Rise by half a step from the nearer end; distances have corners in time."""
         # Coordinates are a few times smaller than 10 m.
-        return (bounds.step / 2 * self.approaches(bounds) + 10 * ROUNDING) / LENGTH
+        return (bounds.step / 2 * self.approaches(bounds) + 10 * nonlinear_limits.ROUNDING) / LENGTH
 
     def measured(self, row: int, g: float) -> tuple[float, float, str]:
         """Distance of a row at a value of the constraint.
@@ -176,7 +170,7 @@ class LinkClearance(Clearance):
         """Distance of every pair, (N, R) m, and its slopes by q, (N, R, n)."""
         return self.lib.clearance(q)
 
-    def approaches(self, bounds: IntervalBounds) -> Array:
+    def approaches(self, bounds: nonlinear_limits.IntervalBounds) -> Array:
         """Bounds of the rates of the distances, (K, R) m/s."""
         bodies = {proxy.name: body_of(proxy) for proxy in self.lib.proxies}
         pairs = ((bodies[pair.first], bodies[pair.second]) for pair in self.lib.pairs)
@@ -199,18 +193,20 @@ class TableClearance(Clearance):
         heights, slopes = self.lib.plane_clearance(q, np.array([0.0, 0.0, 1.0, self.height]))
         return heights[:, self.rows], slopes[:, self.rows]
 
-    def approaches(self, bounds: IntervalBounds) -> Array:
+    def approaches(self, bounds: nonlinear_limits.IntervalBounds) -> Array:
         """Bounds of the rates of the heights, (K, R) m/s."""
         bodies = {proxy.name: body_of(proxy) for proxy in self.lib.proxies}
         return np.stack([bounds.approach(bodies[name]) for name in self.labels], axis=1)
 
 
-def body_of(proxy: ProxyFacts) -> Body:
+def body_of(proxy: ProxyFacts) -> nonlinear_limits.Body:
     """A proxy as a body; the axis of a capsule keeps its radius from the surface."""
-    return Body(proxy.joint, float(np.linalg.norm([proxy.start, proxy.end], axis=1).max()))
+    return nonlinear_limits.Body(
+        proxy.joint, float(np.linalg.norm([proxy.start, proxy.end], axis=1).max())
+    )
 
 
-def use_of(constraint: Constraint, g: float) -> float:
+def use_of(constraint: nonlinear_limits.Constraint, g: float) -> float:
     """Use of a limit, 1 on the limit: 1 + g, and v / v_max for the speed, whose g is in squares."""
     if isinstance(constraint, TipSpeed):
         return constraint.measured(0, g)[0] / constraint.limit

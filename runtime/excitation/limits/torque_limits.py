@@ -26,12 +26,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from runtime.excitation.limits.nonlinear_limits import (
-    ROUNDING,
-    SMOOTH,
-    IntervalBounds,
-    SampledMotion,
-)
+from runtime.excitation.limits import nonlinear_limits
 from runtime.library import Array, Indices, Library
 
 _MANY = 10  # parameters above which the whole regressor takes less time than its columns
@@ -76,12 +71,12 @@ class ModelBand:
             change[:, j] += torques[order + 1][:, j]
         return np.asarray(change)
 
-    def bend(self, bounds: IntervalBounds, order: int) -> Array:
+    def bend(self, bounds: nonlinear_limits.IntervalBounds, order: int) -> Array:
         """Rise of `widths` within intervals."""
         tau = bounds.torques(self.pi)
         second = tau[order + 2] + self.viscous * bounds.motion[order + 3]
         size = tau[order] + self.viscous * bounds.motion[order + 1]
-        return np.asarray(bounds.bend(second) + ROUNDING * size)
+        return np.asarray(bounds.bend(second) + nonlinear_limits.ROUNDING * size)
 
     @property
     def _used(self) -> Indices:
@@ -150,7 +145,7 @@ class TorqueLimit:
     a turn is left out of the rate.
     """
 
-    precision: ClassVar[tuple[float, float]] = SMOOTH
+    precision: ClassVar[tuple[float, float]] = nonlinear_limits.SMOOTH
     order: int  # k
     lib: Library
     pi: Array
@@ -218,7 +213,7 @@ class TorqueLimit:
             signed += np.tile(self.band.slopes(motion, self.order) / limit, (1, 2, 1, 1))
         return signed
 
-    def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
+    def along(self, sampled: nonlinear_limits.SampledMotion) -> tuple[Array, Array]:
         """Values, and rates with the derivative of one order more."""
         k, motion = self.order, sampled.motion
         value, rate = sampled.torques(self.pi)[k : k + 2]
@@ -233,12 +228,12 @@ class TorqueLimit:
         more, change = self.band.widths(motion, k), self.band.changes(motion, k)
         return self._widened(g, more), self._widened(rate, change)
 
-    def rise(self, bounds: IntervalBounds) -> Array:
+    def rise(self, bounds: nonlinear_limits.IntervalBounds) -> Array:
         """Rise by the derivative of two orders more."""
         k, tau, motion = self.order, bounds.torques(self.pi), bounds.motion
         second = tau[k + 2] + self.viscous * motion[k + 3]
         size = tau[k] + self.viscous * motion[k + 1]
-        rise = bounds.bend(second) + ROUNDING * size
+        rise = bounds.bend(second) + nonlinear_limits.ROUNDING * size
         if self.band is not None:
             rise = rise + self.band.bend(bounds, k)
         return np.tile(rise / self.limit, 2)

@@ -19,15 +19,7 @@ from typing import Protocol
 
 import numpy as np
 
-from runtime.excitation.search.conic import (
-    MU,
-    ConeBlock,
-    Curved,
-    LinearRows,
-    Nonlinear,
-    corrected,
-    solve,
-)
+from runtime.excitation.search import conic
 from runtime.library import Array, Indices
 
 CLUSTER = 1.35  # eigenvalues within this factor of an extreme belong to its cluster
@@ -69,10 +61,10 @@ class Polished:
 def polish(
     matrix: MatrixFunction,
     x: Array,
-    rows: LinearRows,
+    rows: conic.LinearRows,
     iterations: int = 40,
     tolerance: float = 1e-5,
-    nonlinear: Nonlinear | None = None,
+    nonlinear: conic.Nonlinear | None = None,
 ) -> Polished:
     """Improve an x with A x ≤ b; the merit never rises."""
 
@@ -84,26 +76,26 @@ def polish(
     history = [point.merit]
     weights: tuple[Array, Array] | None = None
     model: _Model | None = None
-    curved: Curved | None = None
+    curved: conic.Curved | None = None
     for _ in range(iterations):
         if not np.isfinite(point.merit):
             break
         if model is None:
             model = _Model.around(matrix, point.x, point.spectrum, weights)
-            curved = None if nonlinear is None else Curved(nonlinear, point.x)
+            curved = None if nonlinear is None else conic.Curved(nonlinear, point.x)
         # Predicted decrease of the merit: of log cond, and μ times that of the violation.
         trial = model.step(point.x, rows, radius, curved)
         if trial is None:
             break
         decrease = trial.decrease
         if curved is not None:
-            decrease += MU * (point.violation - curved.after(trial.step))
+            decrease += conic.MU * (point.violation - curved.after(trial.step))
         if decrease < tolerance:
             break
         after = at(point.x + rows.reach(point.x, trial.step) * trial.step)
         # Second-order correction of Maratos where the rows bend away: see `elastic.corrected`.
         if nonlinear is not None and point.merit - after.merit < _POOR * decrease:
-            back = corrected(nonlinear, after.x)
+            back = conic.corrected(nonlinear, after.x)
             if back is not None:
                 other = at(after.x + rows.reach(after.x, back) * back)
                 after = min(after, other, key=lambda one: one.merit)
@@ -190,7 +182,7 @@ class _Point:
 
     @property
     def merit(self) -> float:
-        return self.spectrum.value + MU * self.violation
+        return self.spectrum.value + conic.MU * self.violation
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,7 +202,7 @@ class _End:
     values: Array  # Λ / λ, (r,)
     slopes: Array  # Vᵀ C_i V / λ, (p, r, r)
 
-    def block(self, sign: float, column: int, variables: int) -> ConeBlock:
+    def block(self, sign: float, column: int, variables: int) -> conic.ConeBlock:
         """Block sign (t I − Λ − Σ d_i slopes_i) ⪰ 0 with t = x[column]."""
         r = len(self.values)
         # Clarabel wants columns of the upper triangle with √2 off the diagonal.
@@ -220,7 +212,7 @@ class _End:
         a[:, : len(self.slopes)] = sign * (self.slopes[:, i, j] * size).T
         a[:, column] = -sign * (i == j)
         b = -sign * np.diag(self.values)[i, j] * size
-        return ConeBlock(a, b, r)
+        return conic.ConeBlock(a, b, r)
 
     def weight(self, dual: Array) -> Array:
         """Dual triangle as V U Vᵀ with trace 1."""
@@ -268,7 +260,7 @@ class _Model:
         )
 
     def step(
-        self, x: Array, rows: LinearRows, radius: float, curved: Curved | None = None
+        self, x: Array, rows: conic.LinearRows, radius: float, curved: conic.Curved | None = None
     ) -> _Step | None:
         """Solution of the programme of the module's head, with μ t for the curved rows."""
         # Variables: d (p), a, b, and t with curved rows.
@@ -279,18 +271,18 @@ class _Model:
         quadratic[p + 1, p + 1] = 1.0
         linear = np.zeros(size)
         # The programme's value is twice that of log cond, half of log λ_max/λ_min.
-        linear[p:] = (1.0, -2.0) if curved is None else (1.0, -2.0, 2 * MU)
+        linear[p:] = (1.0, -2.0) if curved is None else (1.0, -2.0, 2 * conic.MU)
         box = np.hstack([np.vstack([np.eye(p), -np.eye(p)]), np.zeros((2 * p, size - p))])
         fixed = [
-            ConeBlock(box, np.full(2 * p, radius)),
+            conic.ConeBlock(box, np.full(2 * p, radius)),
             self.upper.block(1.0, p, size),
             self.lower.block(-1.0, p + 1, size),
         ]
 
         def programme(a: Array, slack: Array) -> tuple[Array, list[Array]] | None:
-            limits = ConeBlock(np.hstack([a, np.zeros((len(a), size - p))]), slack)
+            limits = conic.ConeBlock(np.hstack([a, np.zeros((len(a), size - p))]), slack)
             elastic = [] if curved is None else [curved.block(size)]
-            return solve(quadratic, linear, [limits, *fixed, *elastic])
+            return conic.solve(quadratic, linear, [limits, *fixed, *elastic])
 
         solution = rows.solve(x, programme, None if curved is None else curved.grow)
         if solution is None:

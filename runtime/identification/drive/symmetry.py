@@ -40,16 +40,7 @@ from runtime.identification.posterior_file import friction_root
 from runtime.identification.problem_setup import known_friction
 from runtime.identification.result_record import MirroredPair
 from runtime.identification.settings import Settings
-from runtime.library import Array, Library
-from runtime.library.parameters import (
-    FIRST_MOMENT,
-    INERTIA,
-    MASS,
-    N_PARAMETERS,
-    inertia_entries,
-    inertia_matrix,
-    link_columns,
-)
+from runtime.library import Array, Library, parameters
 
 FRICTION = ("viscous", "coulomb")
 RISES = 1.05  # error with the other side's drive over the joint's, from which they differ
@@ -255,9 +246,9 @@ def mirrored_links(lib: Library, pairs: tuple[str, ...]) -> tuple[ConstraintRow,
                 "--settings tie=true out, which compares them only"
             )
         image = mirror_image(turn)
-        of_right, of_left = (link_columns(of_base + joint) for joint in (right, left))
+        of_right, of_left = (parameters.link_columns(of_base + joint) for joint in (right, left))
         name = f"{lib.joint_names[left]}:{lib.joint_names[right]}"
-        for entry, of_mirror in zip(np.eye(N_PARAMETERS), image, strict=True):
+        for entry, of_mirror in zip(np.eye(parameters.N_PARAMETERS), image, strict=True):
             row = np.zeros(lib.pi0.size)
             row[of_right], row[of_left] = entry, -of_mirror
             rows.append(ConstraintRow(name, row, 0.0))
@@ -266,10 +257,12 @@ def mirrored_links(lib: Library, pairs: tuple[str, ...]) -> tuple[ConstraintRow,
 
 def mirror_image(turn: Array) -> Array:
     """Map of the ten parameters of a body under x → Q x: turn (3, 3) → (10, 10)."""
-    image = np.zeros((N_PARAMETERS, N_PARAMETERS))
-    image[MASS, MASS] = 1.0
-    image[FIRST_MOMENT, FIRST_MOMENT] = turn
-    image[INERTIA, INERTIA] = inertia_entries(turn @ inertia_matrix(np.eye(6)) @ turn.T).T
+    image = np.zeros((parameters.N_PARAMETERS, parameters.N_PARAMETERS))
+    image[parameters.MASS, parameters.MASS] = 1.0
+    image[parameters.FIRST_MOMENT, parameters.FIRST_MOMENT] = turn
+    image[parameters.INERTIA, parameters.INERTIA] = parameters.inertia_entries(
+        turn @ parameters.inertia_matrix(np.eye(6)) @ turn.T
+    ).T
     return image
 
 

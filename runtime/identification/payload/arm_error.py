@@ -38,13 +38,8 @@ import numpy as np
 from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
 from runtime.estimators.regression.model_error import gain_error
 from runtime.estimators.regression.samples import NORMAL_95, Samples
+from runtime.identification import posterior_file
 from runtime.identification.identified import Identification
-from runtime.identification.posterior_file import (
-    SavedPosterior,
-    path_of_posterior,
-    posterior_of_result,
-    read_posterior,
-)
 from runtime.identification.saved_result import read_result, require_model
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
@@ -95,7 +90,7 @@ def arm_model(lib: Library) -> ArmModel:
 
 def arm_of_result(result: Identification) -> ArmModel:
     """An identified arm, whose errors are those of its posterior."""
-    posterior, lib, phi = posterior_of_result(result), result.lib, result.usual_phi
+    posterior, lib, phi = posterior_file.posterior_of_result(result), result.lib, result.usual_phi
     root = None if posterior is None else _root(posterior, lib, phi)
     return ArmModel(result.pi, result.friction, phi, "identified", root)
 
@@ -105,12 +100,12 @@ def read_arm_model(path: Path, lib: Library) -> ArmModel:
     saved, root = read_result(path), None
     notes = require_model(saved.record, lib, path)
     origin = "; ".join((f"identified, '{path}'", *notes))
-    if path_of_posterior(path).exists():
-        root = _root(read_posterior(path, saved, lib), lib, saved.phi)
+    if posterior_file.path_of_posterior(path).exists():
+        root = _root(posterior_file.read_posterior(path, saved, lib), lib, saved.phi)
     return ArmModel(saved.pi, saved.friction, saved.phi, origin, root)
 
 
-def _root(posterior: SavedPosterior, lib: Library, phi: Array) -> Array:
+def _root(posterior: posterior_file.SavedPosterior, lib: Library, phi: Array) -> Array:
     """Root of the covariance of [β; φ] on another day, (n_b + n k, m)."""
     root = posterior.of_readings().root(lib)
     day = np.diag(DAY * phi.ravel())

@@ -16,13 +16,7 @@ from runtime.common.tables import NOTHING, Table, number, percent, significant
 from runtime.common.terminal import as_typed
 from runtime.errors import ExportError
 from runtime.estimators.regression.samples import NORMAL_95
-from runtime.identification.result_record import (
-    FrictionPart,
-    MirroredPair,
-    ResultRecord,
-    SessionsPart,
-    UncertaintyPart,
-)
+from runtime.identification import result_record
 from runtime.identification.result_tables import error_table, is_consistent, link_table, share_table
 from runtime.identification.saved_result import read_record
 from runtime.identification.statistics_file import read_predictions
@@ -36,14 +30,16 @@ from runtime.recording.settings import COLUMNS
 from runtime.registry import Registry
 
 
-def read_result(folder: Path) -> tuple[ResultRecord, dict[str, Array]]:
+def read_result(folder: Path) -> tuple[result_record.ResultRecord, dict[str, Array]]:
     """Read a result folder: its record, and measured, before and after (N, r) of the test part."""
     record = read_record(folder / "result.json")
     shape = (len(record.rows_of_errors[0]),)
     return record, read_predictions(folder, measured=shape, before=shape, after=shape)
 
 
-def several_logs_sections(logs: SessionsPart, links: Sequence[str]) -> tuple[Section, ...]:
+def several_logs_sections(
+    logs: result_record.SessionsPart, links: Sequence[str]
+) -> tuple[Section, ...]:
     """Tables of the leave-one-log-out errors and of the repeatability."""
     repeated = logs.repeatability
     columns = (*repeated.masses, repeated.mass_spread)
@@ -67,7 +63,7 @@ def several_logs_sections(logs: SessionsPart, links: Sequence[str]) -> tuple[Sec
     )
 
 
-def left_out_table(logs: SessionsPart) -> Table:
+def left_out_table(logs: result_record.SessionsPart) -> Table:
     """Torque errors of every log by the fit of all others, and for comparison."""
     head = ("log", "payload [kg]", "URDF", "other logs", "with its offset", "this log alone")
     rows = (
@@ -103,7 +99,7 @@ GLOSSARY = (
 # --- summary --------------------------------------------------------------------------------
 
 
-def headline(result: ResultRecord) -> str:
+def headline(result: result_record.ResultRecord) -> str:
     """Torque errors and physical consistency of a result in one sentence."""
     before, after = _overall(result)
     if math.isnan(before) or math.isnan(after):
@@ -125,7 +121,7 @@ def headline(result: ResultRecord) -> str:
     return f"The torque error on the {part} {change}; {end}."
 
 
-def tiles(result: ResultRecord) -> tuple[Tile, ...]:
+def tiles(result: result_record.ResultRecord) -> tuple[Tile, ...]:
     """The four numbers of the summary."""
     before, after = _overall(result)
     eigenvalues = (_value(link.min_relative_eigenvalue) for link in result.links)
@@ -152,7 +148,7 @@ def tiles(result: ResultRecord) -> tuple[Tile, ...]:
     )
 
 
-def sections(record: ResultRecord, rows: Mapping[str, Array]) -> Iterator[Section]:
+def sections(record: result_record.ResultRecord, rows: Mapping[str, Array]) -> Iterator[Section]:
     """Sections of the page below the summary, in their order."""
     names, units = record.rows_of_errors
     links = tuple(link.name for link in record.links)
@@ -210,7 +206,7 @@ def sections(record: ResultRecord, rows: Mapping[str, Array]) -> Iterator[Sectio
 # --- sections -------------------------------------------------------------------------------
 
 
-def _masses(result: ResultRecord, links: Sequence[str]) -> Section:
+def _masses(result: result_record.ResultRecord, links: Sequence[str]) -> Section:
     known = result.uncertainty
     drawn = mass_change(
         links,
@@ -221,7 +217,7 @@ def _masses(result: ResultRecord, links: Sequence[str]) -> Section:
     return Section("Change of mass", figure=drawn)
 
 
-def _friction(joints: Sequence[str], friction: FrictionPart) -> Section:
+def _friction(joints: Sequence[str], friction: result_record.FrictionPart) -> Section:
     rows = tuple(
         (joint, *(number(value) for value in values))
         for joint, values in zip(joints, friction.values, strict=True)
@@ -239,7 +235,7 @@ def _friction(joints: Sequence[str], friction: FrictionPart) -> Section:
     )
 
 
-def _preparation(result: ResultRecord) -> Section:
+def _preparation(result: result_record.ResultRecord) -> Section:
     recording = result.recording
     counts = ", ".join(f"{count} {name}" for name, count in recording.samples.items())
     length = "" if recording.duration is None else f"{recording.duration:.4g} s of motion. "
@@ -247,7 +243,7 @@ def _preparation(result: ResultRecord) -> Section:
     return Section("Data preparation", lead, items=recording.history or ("no step was recorded",))
 
 
-def _provenance(result: ResultRecord) -> Section:
+def _provenance(result: result_record.ResultRecord) -> Section:
     p = result.provenance
     weights = ", ".join(number(w) for w in result.weights)
     condition = None if result.condition_number is None else f"{result.condition_number:.3g}"
@@ -261,7 +257,7 @@ def _provenance(result: ResultRecord) -> Section:
 # --- numbers as text -----------------------------------------------------------------------
 
 
-def _overall(result: ResultRecord) -> tuple[float, float]:
+def _overall(result: result_record.ResultRecord) -> tuple[float, float]:
     """Errors of all joints together before and after [%]."""
     shares = result.torque_error_percent
     return _value(shares.before_overall), _value(shares.after_overall)
@@ -276,7 +272,7 @@ def _unit(unit: str) -> str:
     return unit.replace("*", "·")
 
 
-def _row(pair: MirroredPair) -> tuple[str, ...]:
+def _row(pair: result_record.MirroredPair) -> tuple[str, ...]:
     sides = [
         ", ".join(f"{v:.4g} ± {NORMAL_95 * s:.2g}" for v, s in zip(values, sigma, strict=True))
         for values, sigma in zip(pair.values, pair.sigma, strict=True)
@@ -292,7 +288,7 @@ def _named(verdicts: tuple[str, ...], word: str) -> str:
 
 
 def uncertainty_sections(
-    s: UncertaintyPart, joints: tuple[str, ...], links: tuple[str, ...]
+    s: result_record.UncertaintyPart, joints: tuple[str, ...], links: tuple[str, ...]
 ) -> tuple[Section, ...]:
     """Tables of the σ of the links and of the residuals."""
     words = ("identified", "prior-dominated", "unobservable")
@@ -400,7 +396,7 @@ def write_report(folder: str | PathLike[str], out: str | PathLike[str] | None = 
     return write_page(shown, folder / "report.html" if out is None else Path(out))
 
 
-def _page(record: ResultRecord, rows: Mapping[str, Array]) -> Page:
+def _page(record: result_record.ResultRecord, rows: Mapping[str, Array]) -> Page:
     name = record.recording.name or "unnamed recording"
     return Page(
         title=f"{record.robot}, {record.method}: identification report",

@@ -14,22 +14,8 @@ import numpy as np
 
 from runtime.errors import RecordingError
 from runtime.library import Array
-from runtime.recording.formats.log_format import (
-    LogFormat,
-    LogReader,
-    LogRows,
-    require_whole_columns,
-)
+from runtime.recording.formats import log_format, text_tables
 from runtime.recording.formats.tables import Columns, LogTable, Spool, SpooledRows
-from runtime.recording.formats.text_tables import (
-    cells_of,
-    csv_table,
-    decode,
-    find_header,
-    flat_table,
-    lines_of,
-    list_table,
-)
 from runtime.recording.recipes.default_convention import columns_convention, unread_columns
 from runtime.recording.recipes.recipe import SI, Recipe, Signal, Time
 from runtime.recording.recording import Recording
@@ -39,7 +25,7 @@ HEAD, FRANKA_HEAD = 200, 50  # lines in which a header is looked for: any one, a
 PIECE = 2**23  # characters of a streamed text that are parsed at once; a line must be shorter
 
 
-class TextReader(LogReader):
+class TextReader(log_format.LogReader):
     """Reader of a CSV."""
 
     def text(self) -> str:
@@ -51,15 +37,17 @@ class TextReader(LogReader):
             )
         if self.raw.in_place:
             return next(_pieces(self.raw.hashed()), "")
-        return decode(self.raw.data(), self.raw.name)
+        return text_tables.decode(self.raw.data(), self.raw.name)
 
     def convention(self) -> Recipe:
         """Recipe of a header by the convention, or by logToCSV."""
         text = self.text()
-        if (franka := _franka_convention(islice(lines_of(text), FRANKA_HEAD))) is not None:
+        if (
+            franka := _franka_convention(islice(text_tables.lines_of(text), FRANKA_HEAD))
+        ) is not None:
             return franka
-        place = find_header(lines_of(text), ("q1",), self.raw.name)
-        titles = cells_of(next(islice(lines_of(text), place, None)))[0]
+        place = text_tables.find_header(text_tables.lines_of(text), ("q1",), self.raw.name)
+        titles = text_tables.cells_of(next(islice(text_tables.lines_of(text), place, None)))[0]
         self.said = unread_columns(titles, self.raw.name)
         return columns_convention(titles, "csv", self.raw.name)
 
@@ -82,30 +70,32 @@ class TextReader(LogReader):
                 f"the recipe names no columns of {self.raw.name} for {kind}; write columns = [...]"
             )
         if isinstance(part, Signal) and part.cells:
-            return list_table(text, columns[0], self.raw.name)
-        return csv_table(text, columns, self.raw.name)
+            return text_tables.list_table(text, columns[0], self.raw.name)
+        return text_tables.csv_table(text, columns, self.raw.name)
 
-    def rows(self, parts: Mapping[str, Signal | Time]) -> LogRows:
+    def rows(self, parts: Mapping[str, Signal | Time]) -> log_format.LogRows:
         """Rows of the columns, parsed once."""
-        require_whole_columns(parts, self.raw.name)
+        log_format.require_whole_columns(parts, self.raw.name)
         return _spooled(self.raw.hashed(), {kind: part.columns for kind, part in parts.items()})
 
     def head(self) -> list[list[str]]:
         """Cells of the first lines that are not blank."""
-        lines = islice(lines_of(decode(self.raw.data(), self.raw.name)), HEAD)
-        return [cells_of(line)[0] for line in lines if line.strip()]
+        lines = islice(
+            text_tables.lines_of(text_tables.decode(self.raw.data(), self.raw.name)), HEAD
+        )
+        return [text_tables.cells_of(line)[0] for line in lines if line.strip()]
 
 
 class FlatReader(TextReader):
     """Reader of text with one number per line."""
 
-    convention = LogReader.convention
-    rows = LogReader.rows
+    convention = log_format.LogReader.convention
+    rows = log_format.LogReader.rows
 
     def table(self, kind: str, part: Signal | Time) -> LogTable:
         """Numbers of the file, `width` per sample."""
         del kind
-        return flat_table(self.text(), part.width, self.raw.name)
+        return text_tables.flat_table(self.text(), part.width, self.raw.name)
 
 
 def _spooled(path: Path, kinds: Mapping[str, Columns]) -> SpooledRows:
@@ -123,9 +113,9 @@ def _parsed(path: Path, columns: Columns) -> Iterator[Array]:
     header = ""
     for number, piece in enumerate(_pieces(path)):
         if number == 0 and names:
-            place = find_header(lines_of(piece), names, path.name)
-            header = next(islice(lines_of(piece), place, None)) + "\n"
-        yield csv_table(header * (number > 0) + piece, columns, path.name).values
+            place = text_tables.find_header(text_tables.lines_of(piece), names, path.name)
+            header = next(islice(text_tables.lines_of(piece), place, None)) + "\n"
+        yield text_tables.csv_table(header * (number > 0) + piece, columns, path.name).values
 
 
 def _pieces(path: Path) -> Iterator[str]:
@@ -153,7 +143,7 @@ def _pieces(path: Path) -> Iterator[str]:
 def _franka_convention(lines: Iterable[str]) -> Recipe | None:
     """Recipe of a file of logToCSV; None where no header is one of it."""
     for line in lines:
-        titles = cells_of(line)[0]
+        titles = text_tables.cells_of(line)[0]
         prefix = next((p for p in ("state.", "") if f"{p}q[0]" in titles), None)
         if prefix is None or "time" not in titles:
             continue
@@ -172,7 +162,7 @@ def _write(recording: Recording, file: IO[bytes]) -> None:
     np.savetxt(file, values, fmt="%.17g", delimiter=",", header=",".join(titles), comments="")
 
 
-CSV = LogFormat(
+CSV = log_format.LogFormat(
     name="csv",
     sentence="text in columns with a header, separated by comma, semicolon, tab or blanks",
     suffixes=(".csv", ".txt", ".tsv", ".csv.gz", ".txt.gz", ".tsv.gz"),
@@ -180,6 +170,6 @@ CSV = LogFormat(
     write=_write,
     has_titles=True,
 )
-FLAT = LogFormat(
+FLAT = log_format.LogFormat(
     name="flat", sentence="text with one number per line", suffixes=(), reader=FlatReader
 )

@@ -17,14 +17,7 @@ import numpy as np
 
 from runtime.errors import RecordingError
 from runtime.library import Array
-from runtime.recording.formats.log_format import (
-    LogFormat,
-    LogReader,
-    LogRows,
-    imported,
-    require_whole_columns,
-    undamaged,
-)
+from runtime.recording.formats import log_format
 from runtime.recording.formats.tables import EXPANSION, SLACK, LogTable, common_count, picked
 from runtime.recording.recipes.default_convention import arrays_convention, unread_arrays
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
@@ -115,7 +108,7 @@ class HdfLog:
             )
 
     def _list(self, group: Any, prefix: str) -> None:
-        h5py = imported("h5py", "HDF5 and MATLAB 7.3 files")
+        h5py = log_format.imported("h5py", "HDF5 and MATLAB 7.3 files")
         for name in group:
             path = f"{prefix}{name}"
             if len(self.shapes) + len(self._others) + len(self._groups) > MOST_OBJECTS:
@@ -151,7 +144,7 @@ class HdfLog:
     @contextmanager
     def _opened(self) -> Iterator[Any]:
         """The open file; exceptions of h5py on a damaged file become one sentence."""
-        h5py = imported("h5py", "HDF5 and MATLAB 7.3 files")
+        h5py = log_format.imported("h5py", "HDF5 and MATLAB 7.3 files")
         name = self.path.name
         with self.path.open("rb") as file:
             if file.read(len(_OLD_MATLAB)) == _OLD_MATLAB:
@@ -159,7 +152,7 @@ class HdfLog:
                     f"{name} is expected to be a MATLAB 7.3 file, but is of an older version; "
                     "save it in MATLAB with save(…, '-v7.3')"
                 )
-        with undamaged(name, "an HDF5 file"), h5py.File(self.path, "r") as file:
+        with log_format.undamaged(name, "an HDF5 file"), h5py.File(self.path, "r") as file:
             yield file  # h5py raises OSError, RuntimeError, KeyError, ValueError …
 
 
@@ -183,7 +176,7 @@ def _is_matlab(array: Any) -> bool:
     return "MATLAB_class" in array.attrs and array.ndim >= 2
 
 
-class HdfReader(LogReader):
+class HdfReader(log_format.LogReader):
     """Reader of an HDF5 file; its arrays are listed once."""
 
     @cached_property
@@ -206,9 +199,9 @@ class HdfReader(LogReader):
         columns = () if kind == "time" else part.columns
         return picked(table, columns, f"the array {part.key!r} of {self.raw.name}")
 
-    def rows(self, parts: Mapping[str, Signal | Time]) -> LogRows:
+    def rows(self, parts: Mapping[str, Signal | Time]) -> log_format.LogRows:
         """Rows of the arrays, read where they lie."""
-        require_whole_columns(parts, self.raw.name)
+        log_format.require_whole_columns(parts, self.raw.name)
         return HdfRows(self._log, {kind: part.key for kind, part in parts.items()})
 
     def arrays(self) -> dict[str, tuple[int, ...]]:
@@ -216,7 +209,7 @@ class HdfReader(LogReader):
         return dict(self._log.shapes)
 
 
-HDF5 = LogFormat(
+HDF5 = log_format.LogFormat(
     name="hdf5",
     sentence="arrays of numbers in HDF5 or a MATLAB 7.3 file, one row per instant",
     suffixes=(".h5", ".hdf5", ".mat"),

@@ -12,13 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
-from runtime.recording.formats.log_format import (
-    Extras,
-    LogFormat,
-    LogReader,
-    LogRows,
-    require_whole_columns,
-)
+from runtime.recording.formats import log_format
 from runtime.recording.formats.npz import NpzRows, npz_table, open_npz, texts_in_place
 from runtime.recording.formats.tables import LogTable, picked
 from runtime.recording.recipes.default_convention import arrays_convention, unread_arrays
@@ -28,7 +22,7 @@ from runtime.recording.recording import SIGNALS, Recording
 _TEXTS: tuple[str, ...] = ("name", "joint_names", "column_names", "history")
 
 
-class NpzReader(LogReader):
+class NpzReader(log_format.LogReader):
     """Reader of an NPZ."""
 
     @cached_property
@@ -51,9 +45,9 @@ class NpzReader(LogReader):
         columns = () if kind == "time" else part.columns
         return picked(table, columns, f"the array {part.key!r} of {self.raw.name}")
 
-    def rows(self, parts: Mapping[str, Signal | Time]) -> LogRows:
+    def rows(self, parts: Mapping[str, Signal | Time]) -> log_format.LogRows:
         """Rows of uncompressed arrays, read where they lie."""
-        require_whole_columns(parts, self.raw.name)
+        log_format.require_whole_columns(parts, self.raw.name)
         path = self.raw.hashed()
         if "columns" in NpzRows(path).keys:
             raise RecordingError(
@@ -62,7 +56,7 @@ class NpzReader(LogReader):
             )
         return NpzRows(path, {kind: part.key for kind, part in parts.items()})
 
-    def extras(self) -> Extras:
+    def extras(self) -> log_format.Extras:
         """Names, history, friction columns and motors of an NPZ by `write_recording`."""
         recipe, wanted = self.raw.recipe, _TEXTS
         if recipe.position is not None:
@@ -70,7 +64,9 @@ class NpzReader(LogReader):
             is_picked = recipe.joints or any(part.order or part.columns for part in parts)
             wanted = () if is_picked or recipe.position.file else ("joint_names",)
         if self.raw.in_place:
-            return Extras(texts_in_place(self.raw.hashed(), ("joint_names",) if wanted else ()))
+            return log_format.Extras(
+                texts_in_place(self.raw.hashed(), ("joint_names",) if wanted else ())
+            )
         arrays = self._content
         texts = {
             key: tuple(map(str, arrays[key].ravel()))
@@ -78,7 +74,7 @@ class NpzReader(LogReader):
             if key in arrays and arrays[key].dtype.kind == "U" and arrays[key].size
         }
         if recipe.position is not None:
-            return Extras(texts)
+            return log_format.Extras(texts)
         columns, motors = arrays.get("columns"), arrays.get("motors")
         table = None
         if columns is not None and columns.ndim == 3:
@@ -86,7 +82,7 @@ class NpzReader(LogReader):
             table = LogTable(values, np.arange(len(values), dtype=np.int64))
         if motors is not None and motors.dtype.kind != "f":
             motors = None
-        return Extras(texts, table, motors)
+        return log_format.Extras(texts, table, motors)
 
     def arrays(self) -> dict[str, tuple[int, ...]]:
         """Name → shape of the arrays of real numbers."""
@@ -108,7 +104,7 @@ def _write(recording: Recording, file: IO[bytes]) -> None:
     np.savez(file, **present)
 
 
-NPZ = LogFormat(
+NPZ = log_format.LogFormat(
     name="npz",
     sentence="arrays of numbers by numpy.savez, one row per instant",
     suffixes=(".npz",),

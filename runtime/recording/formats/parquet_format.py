@@ -17,11 +17,7 @@ from runtime.errors import RecordingError
 from runtime.library import Array
 from runtime.recording.formats.log_format import LogFormat, LogReader, LogRows, imported, undamaged
 from runtime.recording.formats.tables import EXPANSION, SLACK, Columns, LogTable
-from runtime.recording.recipes.default_convention import (
-    arrays_convention,
-    columns_convention,
-    unread_columns,
-)
+from runtime.recording.recipes import default_convention
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 from runtime.recording.recording import Recording
 
@@ -249,15 +245,15 @@ class ParquetReader(LogReader):
         with closing(ParquetLog(self.raw.hashed())) as log:
             titles = log.columns
         if "q" in titles:
-            return arrays_convention(titles, "parquet")
+            return default_convention.arrays_convention(titles, "parquet")
         if "q1" not in titles:
             raise RecordingError(
                 f"{self.raw.name} is expected to have the columns t, q1 … qn (or t and q with "
                 f"lists), but has {', '.join(titles[:8]) or 'none'}; rename them or describe them "
                 "in a recipe"
             )
-        self.said = unread_columns(titles, self.raw.name)
-        return columns_convention(list(titles), "parquet", self.raw.name)
+        self.said = default_convention.unread_columns(titles, self.raw.name)
+        return default_convention.columns_convention(list(titles), "parquet", self.raw.name)
 
     def table(self, kind: str, part: Signal | Time) -> LogTable:
         """Columns that a part of the recipe names."""

@@ -18,14 +18,8 @@ from runtime.common.settings import argument_field, method_field, model_field, o
 from runtime.common.terminal import VERBOSE, command_line, completing, say, say_notes, show
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import METHODS, methods_from_statistics
+from runtime.identification.comparison import run
 from runtime.identification.comparison.output import LEGEND, write_comparison
-from runtime.identification.comparison.run import (
-    Comparison,
-    TrueParameters,
-    beside,
-    compare,
-    read_truth,
-)
 from runtime.identification.comparison.two_results import compare_results
 from runtime.identification.identify import assembly_of_logs
 from runtime.identification.long_logs import require_streamable
@@ -103,8 +97,8 @@ def compare_command(given: CompareSettings) -> None:
     folder = given.out or Path("results") / f"{Path(given.logs[0]).stem}-{several}compare"
     _WRITTEN.require(folder, given, given.overwrite)
     names = listed(given.methods, tuple(METHODS), "--methods") if given.methods else None
-    place = given.truth or beside(given.logs[0])
-    known = read_truth(place, lib) if place else None
+    place = given.truth or run.beside(given.logs[0])
+    known = run.read_truth(place, lib) if place else None
     known_methods = set(names or ()) <= set(methods_from_statistics())
     needs_whole = given.controller or given.friction == AUTO or not known_methods
     streams = False if given.stream is None and needs_whole else given.stream
@@ -170,8 +164,8 @@ def _compare_results(given: CompareSettings) -> None:
 
 
 def _with_progress(
-    assembly: Assembly, names: tuple[str, ...], truth: TrueParameters | None
-) -> Comparison:
+    assembly: Assembly, names: tuple[str, ...], truth: run.TrueParameters | None
+) -> run.Comparison:
     with counting(state()) as progress:
         task = progress.add_task("comparing", total=len(names), state="")
 
@@ -182,7 +176,7 @@ def _with_progress(
         def reported(iteration: int, best: float) -> None:
             progress.update(task, state=f"iteration {iteration}, best validation loss {best:.6g}")
 
-        return compare(assembly, names, truth=truth, started=started, progress=reported)
+        return run.compare(assembly, names, truth=truth, started=started, progress=reported)
 
 
 def _finish(facts: dict[str, Any], folder: Path) -> None:

@@ -19,14 +19,7 @@ from runtime.estimators.convex.entropic_prior import CAD, Prior, prior_of
 from runtime.estimators.convex.newton import ConvexProblem, convex_problem
 from runtime.estimators.regression.factor import Statistics, compress, from_triangle, reduce
 from runtime.estimators.regression.samples import Samples
-from runtime.identification.expected_accuracy.expected import (
-    SECONDS,
-    GainOfRecording,
-    Knowledge,
-    expected,
-    gained,
-    verdict,
-)
+from runtime.identification.expected_accuracy import expected as accuracy
 from runtime.library import Array, Library
 from runtime.library.compiled_descent import CompiledConvex, ConvexTask
 
@@ -174,7 +167,7 @@ class OnlineEstimator:
         phi = eliminated.phi(self._pi).reshape(lib.n_joints, self._columns)
         return self._estimate_of(phi, data.variance, steps, converged)
 
-    def gain_of_recording(self, seconds: float, rate_hz: float) -> GainOfRecording:
+    def gain_of_recording(self, seconds: float, rate_hz: float) -> accuracy.GainOfRecording:
         """Gain of some more seconds of the same motion.
 
         The information grows in proportion to the samples, N(t + s) / N(t); with ϑ < 1 it is
@@ -204,13 +197,13 @@ class OnlineEstimator:
         keep, fresh = self._forgetting, seconds * rate_hz
         ages = fresh if keep == 1.0 else (1 - keep**fresh) / (1 - keep)
         grown = (keep**fresh * self._count + ages) / self._count
-        known = Knowledge(self._prior, self._pi, self._kappa)
+        known = accuracy.Knowledge(self._prior, self._pi, self._kappa)
         lib, statistics = self._lib, self.statistics
         unit = max(reduce(statistics, lib.n_joints)[0].variance, np.finfo(float).tiny)
-        now, later = (expected(lib, statistics, known, u) for u in (unit, unit / grown))
-        return gained(now.by_name(lib), later.by_name(lib), seconds, "the same motion")
+        now, later = (accuracy.expected(lib, statistics, known, u) for u in (unit, unit / grown))
+        return accuracy.gained(now.by_name(lib), later.by_name(lib), seconds, "the same motion")
 
-    def advice(self, rate_hz: float, seconds: Sequence[float] = SECONDS) -> str:
+    def advice(self, rate_hz: float, seconds: Sequence[float] = accuracy.SECONDS) -> str:
         """One sentence while recording: values that still improve by 10 %, or "stop".
 
         The motion is assumed to continue in the same way (`gain_of_recording`).
@@ -222,7 +215,7 @@ class OnlineEstimator:
         Returns:
             The sentence.
         """
-        return verdict([self.gain_of_recording(each, rate_hz) for each in seconds])
+        return accuracy.verdict([self.gain_of_recording(each, rate_hz) for each in seconds])
 
     def _newton(self, problem: ConvexProblem) -> tuple[Array, int, bool]:
         """Compiled Newton steps, to a tolerance at which the start has no effect on the result."""

@@ -14,18 +14,8 @@ import numpy as np
 from runtime.common.files import write_text
 from runtime.common.tables import Table
 from runtime.errors import RuntimeFault
+from runtime.experiments.report import labels
 from runtime.experiments.report.drawing import draw, has_figure, inline
-from runtime.experiments.report.labels import (
-    AIRM,
-    NOTHING,
-    best_method,
-    case_name,
-    measured,
-    method_name,
-    printed,
-    short_hash,
-    tables,
-)
 from runtime.experiments.report.reading import WANTED, Experiment
 from runtime.experiments.study import View
 from runtime.outputs.report.canvas import picture
@@ -92,19 +82,21 @@ def _table(experiments: tuple[Experiment, ...]) -> list[str]:
                 cells = _airm(experiment, view, case) or _torque(experiment, view, case)
                 if cells and (experiment.name, case, cells[0]) not in shown:
                     shown.add((experiment.name, case, cells[0]))
-                    head = f"{caption(view)} | {case_name(case)}"
-                    lines.append(f"| {head} | {' | '.join(cells)} | `{short_hash(experiment)}` |")
+                    head = f"{caption(view)} | {labels.case_name(case)}"
+                    lines.append(
+                        f"| {head} | {' | '.join(cells)} | `{labels.short_hash(experiment)}` |"
+                    )
     return lines
 
 
 def _airm(experiment: Experiment, view: View, case: str) -> tuple[str, ...] | None:
-    document = experiment.document.get(view.document, {}).get((case, "adam", AIRM))
-    ours = experiment.values.get((case, "adam", AIRM))
+    document = experiment.document.get(view.document, {}).get((case, "adam", labels.AIRM))
+    ours = experiment.values.get((case, "adam", labels.AIRM))
     if document is None or ours is None:
         return None
-    best = experiment.values.get((case, best_method(experiment), AIRM))
-    shown = (measured(value, AIRM, view.spread) for value in (ours, best))
-    return f"AIRM{_over(view)}", printed(document, AIRM), *shown
+    best = experiment.values.get((case, labels.best_method(experiment), labels.AIRM))
+    shown = (labels.measured(value, labels.AIRM, view.spread) for value in (ours, best))
+    return f"AIRM{_over(view)}", labels.printed(document, labels.AIRM), *shown
 
 
 def _over(view: View) -> str:
@@ -117,7 +109,7 @@ def _torque(experiment: Experiment, view: View, case: str) -> tuple[str, ...] | 
     document = experiment.document.get(view.document, {})
     names = [m for m in view.metrics if (case, "adam", m) in document]
     names = [m for m in names if m.startswith("tau_error_")]
-    best = best_method(experiment)
+    best = labels.best_method(experiment)
     if not names or any((case, "adam", m) not in experiment.values for m in names):
         return None
     head = "torque error, mean of joints %"
@@ -125,11 +117,11 @@ def _torque(experiment: Experiment, view: View, case: str) -> tuple[str, ...] | 
     if view.spread == "quartiles":
         quartiles = np.mean([experiment.values[case, "adam", m].quartiles for m in names], axis=0)
         low, middle, high = (f"{x:.2g}" for x in quartiles)
-        return f"{head}{_over(view)}", published, f"{middle} [{low} to {high}]", NOTHING
+        return f"{head}{_over(view)}", published, f"{middle} [{low} to {high}]", labels.NOTHING
     cells = [_mean(experiment, case, method, names) for method in ("adam", best)]
     if best.endswith(RUBBING):  # the others with the same friction columns stand beside it
         others = ", ".join(
-            f"{method_name(m)} {_mean(experiment, case, m, names)}"
+            f"{labels.method_name(m)} {_mean(experiment, case, m, names)}"
             for m in experiment.methods
             if m.endswith(RUBBING) and m != best
         )
@@ -143,7 +135,7 @@ def _mean(experiment: Experiment, case: str, method: str, names: list[str]) -> s
     """Mean of several metrics of a method."""
     known = [experiment.values.get((case, method, m)) for m in names]
     means = [value.mean for value in known if value is not None]
-    return f"{sum(means) / len(means):.2g}" if means else NOTHING
+    return f"{sum(means) / len(means):.2g}" if means else labels.NOTHING
 
 
 DOCUMENT_TRIALS = 150  # number of Monte Carlo trials of the document
@@ -194,8 +186,10 @@ def _airms(experiments: tuple[Experiment, ...]) -> Iterator[tuple[float, float, 
         for document in experiment.document.values():
             for (case, method, metric), value in document.items():
                 ours = experiment.values.get((case, method, metric))
-                if metric == AIRM and ours is not None:
-                    best = experiment.values.get((case, best_method(experiment), AIRM))
+                if metric == labels.AIRM and ours is not None:
+                    best = experiment.values.get(
+                        (case, labels.best_method(experiment), labels.AIRM)
+                    )
                     yield value.mean, ours.mean, None if best is None else best.mean
 
 
@@ -233,7 +227,7 @@ def _tiles(experiments: tuple[Experiment, ...]) -> tuple[Tile, ...]:
         value.mean
         for e in experiments
         for (_, method, metric), value in e.values.items()
-        if metric == "consistent" and method in {"adam", best_method(e)}
+        if metric == "consistent" and method in {"adam", labels.best_method(e)}
     ]
     share = f"{100 * min(consistent):.4g}\N{NO-BREAK SPACE}%" if consistent else "–"
     tone = "plain" if not consistent else "good" if min(consistent) == 1 else "bad"
@@ -248,12 +242,12 @@ def _tiles(experiments: tuple[Experiment, ...]) -> tuple[Tile, ...]:
 def _sections(experiment: Experiment) -> Iterator[Section]:
     source = (
         f"study-{experiment.name}",
-        f"from {experiment.name}, config {short_hash(experiment)}",
+        f"from {experiment.name}, config {labels.short_hash(experiment)}",
     )
     for view in experiment.views:
         document = experiment.source.get(view.document, "")
         lead = f"{view.title}. {_cases(experiment, view)}".strip()
-        shown = list(tables(experiment, view))
+        shown = list(labels.tables(experiment, view))
         figure = inline(experiment, view) if has_figure(view) else ""
         title = caption(view)
         note = f" · document: {document}" if document and document not in title else ""
@@ -283,7 +277,7 @@ def _cases(experiment: Experiment, view: View) -> str:
     if not view.metrics:
         return ""
     sentences = [
-        f"{case_name(c)}: {experiment.cases[c]}" for c in view.cases if c in experiment.cases
+        f"{labels.case_name(c)}: {experiment.cases[c]}" for c in view.cases if c in experiment.cases
     ]
     plain = [text for text in sentences if len(set(text.split(": "))) > 1]
     return f"{'; '.join(plain)}." if plain else ""

@@ -142,10 +142,7 @@ def require_unused(
     option: str | None = "--out",
     consent: str = "--overwrite",
 ) -> None:
-    """Refuse to replace existing files unless `overwrite` is set.
-
-    The sentence names the option of another place, if any, and the consent: how the user allows it.
-    """
+    """Refuse to replace files unless `overwrite`; name the option of another place, the consent."""
     existing = [path for path in paths if os.path.lexists(path)]
     if existing and not overwrite:
         more = f" and {len(existing) - 1} more files exist" if existing[1:] else " exists"

@@ -53,10 +53,7 @@ def gauss_newton(
     halvings: int = 0,
     takes_last: bool = True,
 ) -> Solution:
-    """Minimise by Gauss–Newton from x, (p,), until a step has the size `done` or less.
-
-    most_step bounds every component; with takes_last the step that is small enough is taken, too.
-    """
+    """Gauss–Newton from x (p,) to a step ≤ `done`, taken if takes_last, within most_step."""
     for count in range(1, passes + 1):
         last = linearise(x)
         if not takes_last and last.size() <= done:

@@ -222,10 +222,7 @@ def uncertainty_of(
     gain_sigma: float = 0.0,
     delay: Callable[[], tuple[float, float] | None] | None = None,
 ) -> Uncertainty:
-    """Uncertainty of an identified model, by any method.
-
-    gain_sigma: expected relative σ of every torque gain. delay: as `model_tests` takes it.
-    """
+    """Uncertainty by any method; gain_sigma: relative, of gains; delay: as in `model_tests`."""
     rest = residuals(lib, samples, pi, phi)
     coloured = coloured_noise
     if statistics is None or coloured is None:

@@ -176,10 +176,7 @@ class _Memory:
 def _memory(
     whole: Recording, terms: Friction, rows: Integers, first: int, last: int
 ) -> _Memory | None:
-    """Memory of a block, the rows from `first` to before `last` of `whole`, of which it keeps some.
-
-    None without a column that has a memory.
-    """
+    """Memory of rows `first` to before `last` of `whole`, some of which it keeps, or None."""
     names, columns = whole.column_names, whole.columns
     places = [k for k, each in enumerate(names) if each in COLUMNS and COLUMNS[each].has_memory]
     if columns is None or not places or first >= len(whole):

@@ -55,10 +55,7 @@ def convex_optimum(
     first_guess: Array | None = None,
     bounds: Bounds | None = None,
 ) -> ConvexOptimum:
-    """Smallest loss of any physically consistent model, by the path from a first guess.
-
-    Where the path drifts to implausible bodies its certificate is weak, and Clarabel solves it.
-    """
+    """Smallest loss of a consistent model: by the path, or Clarabel where that drifts off."""
 
     def solved(part: Statistics) -> tuple[Array, Array, ConvexOptimum]:
         best = _best(lib, part, _followed(lib, part, first_guess))

@@ -201,10 +201,7 @@ def fit_adam(problem: Problem, preset: str | Preset | None = None) -> Fit:
 
 
 def fit_levenberg(problem: Problem, cholesky: bool = False) -> Fit:
-    """Descend by Levenberg–Marquardt, in λ or in log-Cholesky coordinates of the bodies.
-
-    Where it stops short of an optimum on the boundary of consistency Newton's method goes on.
-    """
+    """Levenberg–Marquardt in λ or log-Cholesky θ; Newton goes on at the boundary of consistency."""
     descent = start_of(problem, cholesky)
     outcome = levenberg_descend(descent, LevenbergOptions())
     if outcome.status in {Status.MAX_ITERATIONS, Status.STALLED}:

@@ -108,10 +108,7 @@ class Causes:
         return tuple(c for b in best for c in self.ranked if c.statistic > b.statistic - ALIKE)
 
     def with_delay(self, size: float, sigma: float) -> "Causes":
-        """The causes with a delay by its profile [s].
-
-        A delay that is 0 by the profile, and not what its column has, is another misfit.
-        """
+        """The causes with a delay by its profile [s]; one of 0, unlike its column's: a misfit."""
 
         def by_profile(cause: Cause) -> Cause:
             if cause.kind != DELAY or not cause.size:

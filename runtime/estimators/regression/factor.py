@@ -76,10 +76,7 @@ class Statistics:
         return np.asarray(np.linalg.norm(rest, axis=0) <= EXPLAINED)
 
     def condition(self) -> float | None:
-        """Condition number of the columns at length one; None where the matrix is singular.
-
-        Rotors and motors that count into links are not separate unknowns.
-        """
+        """Condition number at length one; None if singular. Rotors in links are not unknowns."""
         kept = np.concatenate([np.ones(self.n_base, dtype=bool), ~self.explained()])
         sigma = np.linalg.svd(self.unit_columns()[0][:, kept], compute_uv=False)
         return float(sigma[0] / sigma[-1]) if sigma[-1] > 1e-14 * sigma[0] else None

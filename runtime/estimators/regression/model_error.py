@@ -305,10 +305,7 @@ def nuisance_of(lib: Library, fit: FreeFit, pi: Array, density: float) -> Nuisan
 
 
 def with_model_error(lib: Library, fit: FreeFit, pi: Array, density: float, root: Array) -> Array:
-    """Root of the covariance of the unknowns of a fit with scatter of blocks and nuisance torque.
-
-    root of that by noise alone (p, r) → (p, m).
-    """
+    """Root (p, m) of the covariance with scatter and nuisance torque, by noise's (p, r)."""
     torque = nuisance_of(lib, fit, pi, density)
     rest = fit.rest.reshape(torque.mean.shape) - torque.mean
     sizes, axes = np.linalg.eigh(scatter(fit.samples, fit.basis, rest, density))
@@ -341,10 +338,7 @@ def common_size(gram: Array, z: Array, density: float, expected: float) -> float
 
 
 def nuisance_sizes(grams: Array, scores: Array, density: float, ranges: Array) -> Array:
-    """√E[λ² | z] of the shapes of all joints, (n, m) [N·m, N].
-
-    Gram matrices (n, m, m), scores (n, m), ranges (n,) [N·m, N] of the joints.
-    """
+    """√E[λ² | z] of all shapes (n, m) [N·m, N]: Gram (n, m, m), scores (n, m), ranges (n,)."""
     joints = zip(grams, scores, ranges, strict=True)
     each = np.array([_likelihoods(g, z, density, SIZES * most) for g, z, most in joints])
     # Probabilities of the sizes for every size in common, (sizes in common, sizes).
@@ -403,10 +397,7 @@ class ModelError:
 def model_error_of(
     lib: Library, fit: FreeFit | None, pi: Array, statistics: Statistics, gain_sigma: float = 0.0
 ) -> ModelError:
-    """Error of the model in the information of a fit, from a free fit to some of its samples.
-
-    gain_sigma: expected relative σ of every torque gain.
-    """
+    """Model error in the information of a fit, by a free fit to some samples; σ of gains."""
     size = len(statistics.target)
     none = ModelError(statistics, np.zeros((size, 0)))
     if fit is None or len(fit.root) != size:

@@ -123,10 +123,7 @@ def recorded_delay(
     *,
     has_gains: bool = True,
 ) -> DelayProfile:
-    """Profile of the loss over the delay of a recording, to `reach_s` of a measured torque.
-
-    Without gains (`has_gains` False) the joints share no parameters.
-    """
+    """Profile of the loss over the delay, to `reach_s`; without gains joints share nothing."""
     usual = filtered(recording, preparation)
     commanded = recording.torque_source == COMMANDED
     if usual.cutoff_hz:  # between rows, interpolation damps noise near the Nyquist frequency

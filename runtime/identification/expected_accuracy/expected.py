@@ -219,10 +219,7 @@ def facts(sigma: Expected, lib: Library, payload_only: bool = False) -> dict[str
 def gain_slopes(
     lib: Library, moved: MotionSamples, sigma: Array, known: Knowledge, unit: float = 1.0
 ) -> Array:
-    """Change s of the parameters per relative error of each torque gain, (10 n, n).
-
-    Earlier logs are taken to change in the same way: the sensors are the same.
-    """
+    """Change s of π per relative error of each torque gain, (10 n, n), in earlier logs likewise."""
     n = lib.n_joints
     alone = [reduce(moved.statistics(lib, sigma, only=j), n)[0].factor for j in range(n)]
     root = spread_of(

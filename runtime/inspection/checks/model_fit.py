@@ -236,10 +236,7 @@ def causes_left(torque_rows: TorqueRows, fit: UnconstrainedFit) -> Causes:
 
 
 def explained(torque_rows: TorqueRows, causes: Causes) -> list[Finding]:
-    """Gain of a joint, tilt or encoder zero that explains what the fit leaves.
-
-    The comparison of causes needs no URDF; a gain must be that of the slope on it, too.
-    """
+    """Gain, tilt or zero that explains the rest without URDF; a gain by its slope on it, too."""
     lib = torque_rows.lib
     # A gain of 2.5 looks like a delay, too: the slope on the torque of the URDF decides.
     gains = [c for c in causes.ranked if c.kind == GAIN and c.is_significant and not c.is_usable]

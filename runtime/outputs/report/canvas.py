@@ -185,10 +185,7 @@ def pauses(t: Array) -> Indices:
 
 
 def thinned(t: Array, y: Array, most: int, gaps: Indices | None = None) -> tuple[Array, Array]:
-    """Reduce a curve to about `most` points: the smallest and largest value of equal bins.
-
-    A pause becomes a gap in the line, unless there are too many.
-    """
+    """Reduce a curve to about `most` points, extremes of equal bins; few pauses are gaps."""
     if gaps is None:
         gaps = pauses(t)
     if len(gaps) > most // 20:

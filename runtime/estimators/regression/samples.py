@@ -18,7 +18,7 @@ from runtime.recording.friction.coupled_motors import Coupling, coupling_of, sha
 from runtime.recording.friction.model import torque as friction_torque
 from runtime.recording.recording import complete_arrays
 
-NORMAL_95 = 1.959963984540054  # half width of the 95 % interval of a normal variable in σ
+NORMAL_95 = 1.959963984540054  # half width of the 95 % interval of a standard normal variable
 LAGS = 24  # lags of the autocorrelation, in samples
 SILENT = 1e-6  # residual, relative to the largest RMS torque of a joint, below which it is rounding
 ARRAYS = ("q", "dq", "acceleration", "tau", "columns", "base")

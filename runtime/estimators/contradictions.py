@@ -65,9 +65,7 @@ class PriorTest:
     threshold: float  # value that T of a right prior seldom exceeds
     decrease: float  # largest decrease of T by the release of one link; 0 below T's threshold
     link_threshold: float  # value that it seldom exceeds where the prior of every link is right
-    # names of the links whose release explains the contradiction, the likeliest first; empty
-    # without contradiction, or where no single link explains it
-    links: tuple[str, ...]
+    links: tuple[str, ...]  # whose release explains the contradiction, likeliest first; or empty
     masses: tuple[tuple[float, float, float], ...]  # of these: prior, released, σ of the latter, kg
     scale: float  # least-squares factor between the measured torque and that of the prior
     # share of the torque of free bodies that the prior misses, friction being free,

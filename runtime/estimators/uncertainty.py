@@ -87,9 +87,7 @@ class Uncertainty:
     inflation: float  # N / N_eff, 1 for white noise
     white: Array  # share of lags, per joint, with an autocorrelation of white noise, (n,)
     rank: int  # number of directions of β that the motion excites, of n_b
-    # number of directions of π in which the data carry ten times the information of the prior, at
-    # most n_b
-    determined: int
+    determined: int  # directions of π in which data have ten times the prior's information
     conditioning: float  # weakest over strongest excited direction
     information: LogInformation | None = None  # source of the posterior; None if not kept
     tests: ModelTests = field(default_factory=ModelTests)  # contradictions, and what is not shown

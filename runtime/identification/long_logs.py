@@ -70,16 +70,13 @@ class Blocks:
     terms: Friction  # friction columns
     overlap: int  # rows on either side that are prepared and discarded
     edges: tuple[int, ...]  # first row of each block, then one past the last row
-    # t [s] of these rows; at the ends those of the first and the last prepared row that is kept, or
-    # −∞ and ∞
-    instants: Array
+    instants: Array  # t [s] of these rows; at the ends those of the prepared rows that count, or ±∞
     half_step: float  # half of the time step [s]; edges lie between two rows
     spool: Spool  # temporary file of prepared rows
     kept: dict[int, "_Kept | None"] = field(default_factory=dict)  # block → place; None at rest
     span: tuple[float, float] = (-np.inf, np.inf)  # ends of the prepared rows of the part [s]
     first: float = -np.inf  # first instant of the blocks [s]; a training part may have others
-    # index of a block → columns with a memory at its first row, by the block before, (n, m)
-    states: dict[int, Array] = field(default_factory=dict)
+    states: dict[int, Array] = field(default_factory=dict)  # block → columns at its start, (n, m)
 
     def __len__(self) -> int:
         return len(self.edges) - 1

@@ -52,9 +52,7 @@ class UnitStatistics:
     joints: tuple[str, ...]  # names of its joints, (n,)
     widths: tuple[float, float, float]  # of columns, in the order of `WIDTHS` [rad/s, rad/s, rad]
     columns: tuple[str, ...] = ()  # k friction columns of a joint; offsets of logs repeat
-    # standard deviation of the torque per joint that the samples are weighted by, (n,) [N·m, N];
-    # None of a regressor that is not that of the torque, and of older files
-    noise: Array | None = None
+    noise: Array | None = None  # σ that weights the samples, (n,) [N·m, N]; None if not of torque
 
     @property
     def shared(self) -> tuple[str, ...]:

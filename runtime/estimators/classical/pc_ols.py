@@ -43,8 +43,7 @@ class ConvexOptimum:
     loss: float  # L at the optimum, (1/N) Σ ½ rᵀWr
     pi: Array  # pi, phi: a point that reaches it, (10 n,) and (n k,)
     phi: Array
-    # certificate: L − L* is at most this among models of no larger Σ tr(P0_k⁻¹ P_k); NaN from
-    # Clarabel, which stops at 1e-10 of ‖r‖
+    # L − L* is at most this among models of no larger Σ tr(P0_k⁻¹ P_k); NaN from Clarabel (1e-10)
     gap: float
     status: str  # how it was computed
 

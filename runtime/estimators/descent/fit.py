@@ -59,9 +59,7 @@ class Watch:
     """Observer of running descents."""
 
     every: int  # iterations between two calls
-    # called with the iterations done and the current x of every descent; where one has ended it
-    # stays at its last iterate
-    seen: Callable[[int, list[Array]], None]
+    seen: Callable[[int, list[Array]], None]  # gets iterations, x of every descent, ended or not
 
 
 def descend(descent: Descent, preset: Preset) -> Outcome:

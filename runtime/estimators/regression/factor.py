@@ -35,9 +35,7 @@ EXPLAINED = 1e-9  # remainder of a column of length one below which other column
 class Statistics:
     """Compressed samples of one robot: all that least squares needs of them."""
 
-    # R over [β; φ], (p, p), p = n_b + n k; friction φ joint by joint. With the columns of φ first
-    # it is upper triangular with a diagonal ≥ 0
-    factor: Array
+    factor: Array  # R over [β; φ], (p, p), p = n_b + n k; with φ first it is upper triangular
     target: Array  # r, (p,)
     rest: NotNegative  # ρ, the part that no parameters explain
     n_samples: Positive  # N, or the sum of the sample weights

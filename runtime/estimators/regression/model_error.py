@@ -387,9 +387,7 @@ class ModelError:
     """What the posterior of a fit gains beside its noise."""
 
     statistics: Statistics  # rows over (V / S)^½
-    # Σ Xᵀ W N λ over all samples, whose product with (XᵀWX)⁻¹ is a root of the covariance of
-    # nuisance torque, (n_b + n k, m)
-    slopes: Array
+    slopes: Array  # Σ Xᵀ W N λ; (XᵀWX)⁻¹ times it: root of nuisance covariance, (n_b + n k, m)
     gains: int = 0  # number of the last of them, those of torque gains
     gain_sigma: float = 0.0  # their relative σ by the residual
 

@@ -71,12 +71,8 @@ class DelayProfile:
     loss: Array  # L(δ) − min L, (M,); 1.92 at the ends of the interval
     best: float  # δ̂, least point of a parabola through the three lowest losses [s]
     interval: tuple[float, float]  # first and last δ within the interval [s]
-    # share of the squared residual at the delay of the preparation, else at none, that δ̂ removes:
-    # geometric mean of the joints
-    gain: float
-    # of the delay d in δ = sign · d: −1 for a commanded torque, which acts later than it is
-    # stamped, 1 for a measured one, which is stamped later than it acts
-    sign: float = 1.0
+    gain: float  # share of r² at the delay of the preparation, else at none, that δ̂ removes
+    sign: float = 1.0  # of δ = sign · d: −1 of a command that acts later, 1 of a late measurement
 
     @property
     def delay_s(self) -> float:

@@ -137,9 +137,7 @@ class Criterion:
     # criterion does not need it and the caller has none
     goal: Callable[[Library, Array, Information | None], Goal]
     needs_information: bool = True  # the torque noise and the rate must be known
-    # the target is log cond, whose optimum lies in a kink: semidefinite programmes end the search
-    # in it, and variations of the best starts follow
-    is_kinked: bool = False
+    is_kinked: bool = False  # log cond: semidefinite programmes and variations end the search
 
 
 def criterion_of(name: str, has_information: bool = True) -> Criterion:

@@ -76,9 +76,7 @@ class Expected:
     root: Array  # root of the mean squared error of π, (10 n, 10 n), with a further column for d
     payload: Array | None  # of a payload's ten parameters on a known arm, (10,) SI; None as above
     payload_com: Array | None  # of the centre of mass of the payload, (3,) m
-    # of the ten parameters of a payload without an empty run, from an arm whose links are
-    # `ARM_ERROR` off, (10,) SI; None as for `payload`
-    payload_of_arm: Array | None
+    payload_of_arm: Array | None  # without an empty run, by an arm `ARM_ERROR` off, (10,) SI
 
     def by_name(self, lib: Library, payload_only: bool = False) -> dict[str, float]:
         """Standard deviations with names: payload, links, base parameters."""

@@ -38,9 +38,7 @@ class Exported:
     kind: str  # name of the format
     path: Path | None  # file or folder that was written; None where it was refused
     sentence: str  # how the file was verified, or why it was refused
-    # whether the file was refused because the model lacks what only this format holds, see
-    # `ExportFormat.holds_inertia`
-    is_optional: bool = False
+    is_optional: bool = False  # refused, as the model lacks what this holds (`holds_inertia`)
 
 
 def write_urdf(

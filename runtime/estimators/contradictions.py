@@ -52,9 +52,7 @@ EXPLAINS = 0.3  # part of the excess of T that one link must explain for single 
 OTHER = 0.35
 """Share of the torque of links that a prior misses from which on it is of another robot: 0.03 to
 0.13 for the URDFs of real logs, 0.26 for a tool of 1.5 kg that one of them lacks."""
-LEAST_DENSITY = 1e-4
-"""Smallest S: data that are exact to rounding are compared as if their noise were one percent of
-the weighted unit, as in the maximum a posteriori."""
+LEAST_DENSITY = 1e-4  # smallest S: exact data are compared as if their noise were 1 % of the unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,9 +170,7 @@ VISIBLE = 0.10  # deviation of a torque gain that a log should show; joints abov
 LARGEST = np.radians(10.0)  # limit of an encoder zero or tilt from which a log is said to hide it
 CERTAIN = 3.0  # change of the mass of a released link over its σ from which on it is stated
 FOLLOWS = "; the result follows the data"  # end of a sentence on a wrong URDF or prior
-UNFITTED = 2.0
-"""Misfit of a result over the threshold of the test of the prior above which the method, and not
-the prior, is the cause."""
+UNFITTED = 2.0  # misfit over the prior test's threshold, above which the method is the cause
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -36,9 +36,7 @@ from runtime.recording.settings import WIDTHS, Friction
 FILE = "statistics.npz"
 FORMAT = 1  # version of the file; a later one is refused
 MARK = "symgen_statistics"  # key of the version, by which the file is recognised
-LARGEST_ACCEPTED = 1e100
-"""Size from which on a number is damage [SI]: its square times that of another overflows, and
-matplotlib cannot draw much larger ones."""
+LARGEST_ACCEPTED = 1e100  # a number of this size [SI] is damage: products overflow beyond
 
 
 @dataclass(frozen=True, slots=True, eq=False)

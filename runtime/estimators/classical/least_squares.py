@@ -25,9 +25,7 @@ from runtime.library.parameters import links, mass
 from runtime.recording.settings import COLUMNS, FrictionColumn
 
 PASSES = 4  # passes of reweighting, the first with equal weights
-SILENT = 1e-12
-"""Variance, relative to the largest, below which the residual of a joint is rounding: a weight
-from rounding would outweigh all other joints."""
+SILENT = 1e-12  # variance over the largest, below which a joint's residual and weight are rounding
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,15 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from runtime.cli import log_options
 from runtime.cli.common import ResultFolder, counting, listed, open_robot, require_page, state
-from runtime.cli.log_options import (
-    FitChoices,
-    bundled_logs,
-    inputs_of,
-    opened_logs,
-    runs_of,
-    split_of,
-)
 from runtime.cli.shown_progress import shown_progress
 from runtime.common.settings import argument_field, method_field, model_field, output_field
 from runtime.common.terminal import VERBOSE, command_line, completing, say, say_notes, show
@@ -37,13 +30,13 @@ _WRITTEN = ResultFolder(("compare.json", "compare.md", "report.html"), "rows")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CompareSettings(FitChoices):
+class CompareSettings(log_options.FitChoices):
     """Settings of `symgen compare`."""
 
     options = "robot methods out recipe run friction cutoff overwrite"
     logs: list[str] = argument_field(
         metavar="LOG...",
-        autocompletion=bundled_logs,
+        autocompletion=log_options.bundled_logs,
         help="One or several logs, as for identify, or the folders of two results.",
     )
     methods: str | None = method_field(
@@ -92,7 +85,7 @@ def compare_command(given: CompareSettings) -> None:
             "methods are compared by their errors on a validation part, which a log of a robot "
             "with a free base has not; identify by each method, and give the folders of two results"
         )
-    runs = runs_of(given.logs, given.run)
+    runs = log_options.runs_of(given.logs, given.run)
     several = f"{len(runs)}-" if len(runs) > 1 else ""
     folder = given.out or Path("results") / f"{Path(given.logs[0]).stem}-{several}compare"
     _WRITTEN.require(folder, given, given.overwrite)
@@ -103,7 +96,7 @@ def compare_command(given: CompareSettings) -> None:
     needs_whole = given.controller or given.friction == AUTO or not known_methods
     streams = False if given.stream is None and needs_whole else given.stream
     others = ", ".join(name for name in METHODS if name not in methods_from_statistics())
-    log = opened_logs(given, lib, streams, need=f", which {others} need")
+    log = log_options.opened_logs(given, lib, streams, need=f", which {others} need")
     names = names or (tuple(METHODS) if isinstance(log, Recording) else methods_from_statistics())
     if isinstance(log, StreamedRecording):
         for name in names:
@@ -114,8 +107,8 @@ def compare_command(given: CompareSettings) -> None:
         cutoff=given.cutoff,
         rate=given.rate,
         regressor=given.regressor,
-        split=split_of(given.split),
-        inputs=inputs_of(names, lib, controller=given.controller) or None,
+        split=log_options.split_of(given.split),
+        inputs=log_options.inputs_of(names, lib, controller=given.controller) or None,
         seed=given.seed,
         refit=False,
     )

@@ -7,24 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from runtime.cli.common import (
-    Overwrite,
-    RobotChoices,
-    Seed,
-    Yes,
-    numbers_option,
-    open_robot,
-    robots,
-)
-from runtime.common.settings import (
-    Choices,
-    argument_field,
-    data_field,
-    data_option,
-    method_field,
-    model_field,
-    model_option,
-)
+from runtime.cli import common
+from runtime.common import settings
 from runtime.common.terminal import completing, say
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import METHODS
@@ -57,7 +41,7 @@ Log = Annotated[
 ]
 Recipe = Annotated[
     str | None,
-    data_option(
+    settings.data_option(
         metavar="FILE",
         help="TOML that describes the log: columns, units, joint order, signs, gears, filters; "
         "default recipe.toml in the folder LOG, or the bundled recipe of a known data set.",
@@ -65,7 +49,9 @@ Recipe = Annotated[
 ]
 Run = Annotated[
     str | None,
-    data_option(help="Name of the run, where a recipe lists several; default that of the recipe."),
+    settings.data_option(
+        help="Name of the run, where a recipe lists several; default that of the recipe."
+    ),
 ]
 Parts = Annotated[
     str | None,
@@ -90,7 +76,7 @@ Cutoff = Annotated[
 ]
 Rate = Annotated[
     float | None,
-    data_option(
+    settings.data_option(
         metavar="HZ",
         help="Rate of rows to which the log is decimated, Hz; default from the recipe, else every "
         "sample.",
@@ -98,7 +84,7 @@ Rate = Annotated[
 ]
 CoulombSpeed = Annotated[
     float | None,
-    model_option(
+    settings.model_option(
         help="Speed over which the smooth Coulomb sign changes, rad/s or m/s; default from the "
         f"recipe, else {Friction(columns=()).coulomb_speed:g}."
     ),
@@ -106,12 +92,12 @@ CoulombSpeed = Annotated[
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LogChoices(RobotChoices):
+class LogChoices(common.RobotChoices):
     """A log of a robot."""
 
     recipe: Recipe = None
     run: Run = None
-    overwrite: Overwrite = False
+    overwrite: common.Overwrite = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,10 +105,10 @@ class BodyChoices(LogChoices):
     """A log of a body on a link."""
 
     rate: Rate = None
-    link: str | None = model_field(
+    link: str | None = settings.model_field(
         None, "--link", help="Link that carries the payload; default the link of the tip."
     )
-    cutoff: float | None = method_field(
+    cutoff: float | None = settings.method_field(
         metavar="HZ",
         help="Cut-off of the zero-phase low-pass of q, dq and tau, Hz; default from the "
         "recipe, else no filter.",
@@ -134,7 +120,7 @@ class FitChoices(LogChoices):
     """A log that parameters are fitted to."""
 
     rate: Rate = None
-    friction: str | None = model_field(
+    friction: str | None = settings.model_field(
         metavar="COLUMNS|auto|none",
         autocompletion=completing((*COLUMNS, AUTO, "none")),
         help="Friction columns with commas, of "
@@ -145,7 +131,7 @@ class FitChoices(LogChoices):
     )
     coulomb_speed: CoulombSpeed = None
     cutoff: Cutoff = None
-    regressor: str | None = method_field(
+    regressor: str | None = settings.method_field(
         metavar="FORM",
         help=f"Form of the equations, of {', '.join((*REGRESSORS, AUTO))}: acceleration "
         "needs ddq, momentum does not, energy gives one row for all joints and less "
@@ -153,34 +139,35 @@ class FitChoices(LogChoices):
         "the recipe, else acceleration.",
     )
     split: Parts = None
-    logs: list[str] = argument_field(
+    logs: list[str] = settings.argument_field(
         metavar="LOG...",
         autocompletion=bundled_logs,
         help="One or several logs: CSV, NPZ, Parquet, HDF5, MCAP or ROS bags, folders with a "
         "recipe, or names of known data sets such as panda_gaz.",
     )
-    controller: Path | None = model_field(
+    controller: Path | None = settings.model_field(
         metavar="FILE",
         help="TOML with the controller's gains and the reference motion, which the methods iv "
         "and didim need; simulate writes one as LOG.loop.toml.",
     )
-    stream: bool | None = data_field(
+    stream: bool | None = settings.data_field(
         None,
         "--stream/--no-stream",
         help="Read the log block by block instead of as a whole; default for NPZ, Parquet, CSV "
         "and bags above 200 MB.",
     )
-    seed: Seed = 0
+    seed: common.Seed = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OfResult(Choices):
+class OfResult(settings.Choices):
     """The robot of a result."""
 
-    robot: str | None = data_field(
-        autocompletion=robots, help="Name or folder of the robot; default that of the result."
+    robot: str | None = settings.data_field(
+        autocompletion=common.robots,
+        help="Name or folder of the robot; default that of the result.",
     )
-    yes: Yes = False
+    yes: common.Yes = False
 
 
 def open_result(
@@ -193,7 +180,7 @@ def open_result(
     """Open a result and its robot, or the named one, with notes on the model."""
     saved = read_result(result, with_learned=learned)
     free_base = free_base and saved.record.is_free
-    lib = open_robot(given.robot or saved.record.robot, given.yes, takes_free_base=free_base)
+    lib = common.open_robot(given.robot or saved.record.robot, given.yes, takes_free_base=free_base)
     return saved, lib, require_model(saved.record, lib, result, same_bodies)
 
 
@@ -201,26 +188,26 @@ def open_result(
 class ResultChoices(OfResult):
     """A result of identify."""
 
-    result: Path = argument_field(metavar="RESULT", help="Folder written by identify.")
+    result: Path = settings.argument_field(metavar="RESULT", help="Folder written by identify.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LaterLogChoices(ResultChoices):
     """A result of identify and another log, prepared in the same way unless it is stated."""
 
-    log: str = argument_field(
+    log: str = settings.argument_field(
         metavar="LOG",
         autocompletion=bundled_logs,
         help="Another log of the same robot, of any length.",
     )
     recipe: Recipe = None
     run: Run = None
-    cutoff: float | None = method_field(
+    cutoff: float | None = settings.method_field(
         metavar="HZ",
         help="Cut-off of the zero-phase low-pass of q, dq and tau, Hz; default from the "
         "recipe, else that of identify.",
     )
-    rate: float | None = data_field(
+    rate: float | None = settings.data_field(
         metavar="HZ",
         help="Rate of rows to which the log is decimated, Hz; default from the recipe, else "
         "that of identify.",
@@ -240,7 +227,7 @@ def split_of(text: str | None) -> Split | None:
         b = float(text)
         a = TRAINED * b
     except ValueError:
-        a, b = numbers_option(text, 2, "--split")
+        a, b = common.numbers_option(text, 2, "--split")
     if not 0 < a < b < 1:
         raise IdentificationError(f"--split needs 0 < A < B < 1, got '{text}'")
     return Split((0.0, a), (a, b), (b, 1.0))

@@ -21,18 +21,7 @@ from runtime.estimators.convex.newton import convex_problem, minimise_anywhere
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of_rows
 from runtime.estimators.regression.factor import reduced_of
 from runtime.estimators.regression.samples import NORMAL_95, Samples, samples_of
-from runtime.identification.payload.arm_error import (
-    FEW,
-    LEAST_TRAVEL,
-    ArmModel,
-    PostureDeviation,
-    arm_covariance,
-    arm_model,
-    gain_covariance,
-    over_noise,
-    posterior_covariance,
-    posture_error,
-)
+from runtime.identification.payload import arm_error
 from runtime.identification.payload.body import NAMES, Body, Mount, Payload, body_of, mount_of
 from runtime.identification.settings import GAIN_SIGMA
 from runtime.library import Array, Library, require_library
@@ -48,7 +37,7 @@ LENGTH = 0.1  # relative difference of durations above which the runs are not th
 
 APART = 0.05  # distance of positions over a joint's travel; controllers stay within 1 %
 
-CERTAIN_BY_FEW = 6.620212 / FEW  # mass over σ by groups, as probable by t as normal 3 σ
+CERTAIN_BY_FEW = 6.620212 / arm_error.FEW  # mass over σ by groups, as probable by t as normal 3 σ
 
 EXCHANGED = 0.5
 """Share of the squared torque that a payload in the loaded run leaves, above which one in the empty
@@ -70,7 +59,7 @@ def empty_residual(
     def at(values: Array) -> Array:
         return np.stack([np.interp(t, t0, column) for column in values.T], axis=1)
 
-    travel = np.maximum(np.ptp(loaded.q, axis=0), LEAST_TRAVEL)
+    travel = np.maximum(np.ptp(loaded.q, axis=0), arm_error.LEAST_TRAVEL)
     apart = np.max(np.abs(at(empty.q) - loaded.q), axis=0) / travel
     worst = int(np.argmax(apart))
     if apart[worst] > APART:
@@ -104,7 +93,7 @@ def identify_payload(
     lib: Library,
     link: str | None = None,
     *,
-    arm: ArmModel | None = None,
+    arm: arm_error.ArmModel | None = None,
     empty: Recording | None = None,
     preparation: Preparation | None = None,
     kappa: float = NONE,
@@ -136,7 +125,7 @@ def identify_payload(
             f"expected a gain error from 0 up to 1, relative to the gain, got {gain_error:g}; "
             "0.05 stands for 5 %"
         )
-    mount, model = mount_of(lib, link), arm or arm_model(lib)
+    mount, model = mount_of(lib, link), arm or arm_error.arm_model(lib)
     run, samples, residual, columns = _rows(recording, lib, mount, model, preparation)
     if len(run) < FEWEST_ROWS:
         raise IdentificationError(
@@ -205,14 +194,14 @@ class _Solution:
 def _with_model_error(
     solution: _Solution,
     lib: Library,
-    model: ArmModel,
+    model: arm_error.ArmModel,
     run: Recording,
     samples: Samples,
     columns: Array,
     *,
     is_alone: bool,
     gains: float,
-) -> tuple[_Solution, PostureDeviation | None, float, bool]:
+) -> tuple[_Solution, arm_error.PostureDeviation | None, float, bool]:
     """Covariance with errors of the arm, of gains and of postures; these, and σ of gains.
 
     `is_alone`: the run without the payload is subtracted. The last one is whether the posterior of
@@ -224,20 +213,20 @@ def _with_model_error(
     if not (is_alone or model.is_exact):
         if model.root is None:
             parts = (columns, solution.noise, solution.errors, solution.white)
-            extra = arm_covariance(lib, model, run, *parts)
+            extra = arm_error.arm_covariance(lib, model, run, *parts)
         else:
             known = model.root, samples, columns, *weights
-            extra, is_expected = posterior_covariance(lib, *known)
+            extra, is_expected = arm_error.posterior_covariance(lib, *known)
     # A model by the same sensors has their gains, and takes up what repeats: the rest is news.
     is_alone = is_alone or model.root is not None
     if is_alone:
-        weighted = over_noise(columns, solution.fitted)
+        weighted = arm_error.over_noise(columns, solution.fitted)
         parts = (weighted, solution.errors / solution.fitted, solution.shape, noise)
-        repeated = posture_error(run, lib.joint_names, *parts)
+        repeated = arm_error.posture_error(run, lib.joint_names, *parts)
     gains = gains if solution.density > _PERFECT**2 else 0.0  # rounding shows nothing of them
     if gains:
         torque = columns @ solution.pi if is_alone else run.required("tau")
-        of_gains, gains = gain_covariance(columns, torque, *weights, gains)
+        of_gains, gains = arm_error.gain_covariance(columns, torque, *weights, gains)
         extra = extra + of_gains
     if repeated is not None:
         noise = repeated.widened(noise)
@@ -249,7 +238,7 @@ def _rows(
     recording: Recording,
     lib: Library,
     mount: Mount,
-    model: ArmModel,
+    model: arm_error.ArmModel,
     preparation: Preparation | None,
 ) -> tuple[Recording, Samples, Array, Array]:
     """Prepared run and samples, residual τ − Y π_arm − F φ_arm (N, n), columns Y_k (N, n, 10)."""
@@ -347,7 +336,7 @@ def _payload(
     solution: _Solution,
     mount: Mount,
     columns: Array,
-    model: ArmModel,
+    model: arm_error.ArmModel,
     differential: bool,
     gain_error: float,
 ) -> Payload:
@@ -396,7 +385,11 @@ def status_of(body: Body, weak: tuple[str, ...], converged: bool) -> str:
 
 
 def notes_of(
-    weak: tuple[str, ...], share: float, model: ArmModel, differential: bool, gain_error: float
+    weak: tuple[str, ...],
+    share: float,
+    model: arm_error.ArmModel,
+    differential: bool,
+    gain_error: float,
 ) -> tuple[str, ...]:
     """Assumptions and limits of the result."""
     notes = []

@@ -129,7 +129,8 @@ def _turned(turn: Array, vectors: Array) -> Array:
     return np.asarray(np.einsum("nij,nj->ni", turn, vectors))
 
 
-_JITTER = 0.01  # deviation of a time step from the median that is resampled, as elsewhere
+_JITTER = 0.01
+"""Deviation of a time step from the median from which the log is resampled, as elsewhere."""
 _GAP_S = 0.1
 """Longest gap that is filled."""
 _OF_MOTION = ("position", "rotation", "q", "dq", "ddq", "twist", "acceleration")

@@ -113,8 +113,8 @@ def print_design(optimum: Design, expected: Prediction, lib: Library, note: str)
 def criteria_table(prediction: Prediction, units: Sequence[str]) -> Table:
     """All criteria, for each set of unknowns and each number of samples."""
     unknowns = "payload" if prediction.payload_only else "base"
-    prior = ", with earlier logs" if prediction.has_earlier_logs else ""
-    sigma = prediction.noise
+    prior = ", with earlier logs" if prediction.known.earlier is not None else ""
+    sigma = prediction.known.noise
     noise = f"{sigma.min():g}" + ("" if np.ptp(sigma) == 0 else f"–{sigma.max():g}")
     rows = tuple(
         (
@@ -131,7 +131,7 @@ def criteria_table(prediction: Prediction, units: Sequence[str]) -> Table:
         ("columns", "samples", "cond", "A %", f"V {common_unit(units, 'm')}", "D"),
         rows,
         title=f"expected at {noise} {common_unit(units)} of torque noise, "
-        f"{prediction.rate:g} Hz{prior}; cond: unit columns",
+        f"{prediction.known.rate:g} Hz{prior}; cond: unit columns",
     )
 
 

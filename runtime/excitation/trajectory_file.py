@@ -146,12 +146,13 @@ def facts(prediction: Prediction) -> dict[str, object]:
     def numbers(values: Iterable[float] | None) -> list[float] | None:
         return None if values is None else [float(value) for value in values]
 
+    known = prediction.known
     return {
-        "torque_noise": numbers(prediction.noise),
-        "rate_hz": prediction.rate,
-        "earlier_logs_count": prediction.has_earlier_logs,
+        "torque_noise": numbers(known.noise),
+        "rate_hz": known.rate,
+        "earlier_logs_count": known.earlier is not None,
         "unknowns": "payload" if prediction.payload_only else "base parameters",
-        **({"left_out": list(prediction.left_out)} if prediction.left_out else {}),
+        **({"left_out": list(known.left_out)} if known.left_out else {}),
         "criteria": [
             {
                 "samples": score.samples,

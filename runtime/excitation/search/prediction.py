@@ -51,10 +51,7 @@ class Score:
 class Prediction:
     """Expected accuracy of least squares on a motion."""
 
-    noise: Array  # σ of the torque, (n,) N·m or N
-    rate: float  # Hz
-    has_earlier_logs: bool  # earlier logs count too
-    payload_only: bool  # the unknowns are the ten of the last link, not the base parameters
+    known: Information  # noise, rate, unknowns and earlier logs, which it counts
     scores: tuple[Score, ...]  # without and with friction, at each of `SAMPLES`
     sigma: Array  # standard deviations of the unknowns, (k,) SI; friction is not estimated
     sigma_with_friction: Array | None  # with friction; None where it is not identifiable
@@ -62,7 +59,11 @@ class Prediction:
     payload_mass: float | None  # σ of 1 kg, 0.1 m before the last link of a known arm, offsets free
     payload_com: Array | None  # σ of its centre of mass, (3,) m
     notes: tuple[str, ...]  # sentences on what is not identifiable
-    left_out: tuple[int, ...] = ()  # places in β of the parameters that are kept and have no σ
+
+    @property
+    def payload_only(self) -> bool:
+        """Whether the unknowns are the ten of the last link, not the base parameters."""
+        return self.known.columns is not None and not self.known.left_out
 
 
 def predict(
@@ -97,17 +98,13 @@ def predict(
         ten = information(lib, known.noise, known.rate, payload=True)
         mass_and_com = payload_sigma(covariance_of(lib, trajectory, ten, _OFFSET))
     return Prediction(
-        known.noise,
-        known.rate,
-        known.earlier is not None,
-        known.columns is not None and not known.left_out,
+        known,
         tuple(scores),
         np.sqrt(np.diag(best)),
         np.sqrt(np.diag(spreads[names])) if names in spreads else None,
         np.sqrt([np.sum(one * best) for one in joints]),
         *mass_and_com,
         tuple(notes),
-        known.left_out,
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from rich.progress import Progress
 
+from runtime import simulation
 from runtime.cli.common import Overwrite, RobotChoices, Seed, open_robot
 from runtime.common.files import require_unused, write_json
 from runtime.common.settings import (
@@ -27,15 +28,6 @@ from runtime.excitation.search.design import design
 from runtime.excitation.trajectory_file import read_trajectory, write_motion
 from runtime.library import Library
 from runtime.recording import Recording, write_recording
-from runtime.simulation import (
-    Controller,
-    Plant,
-    closed_loop,
-    ideal,
-    read_payload,
-    record,
-    settings_of,
-)
 from runtime.simulation.closed_loop import perturbed_lam, write_controller
 from runtime.simulation.plant import require_no_springs
 
@@ -56,7 +48,9 @@ _ONLY_MUJOCO = ("payload", "virtual_robot", "truth_seed")
 LEAST_ROWS = 2  # least number of samples that have a rate
 BESIDE = ".truth.json", ".motion.json", ".loop.toml"
 """Suffixes of the files beside a log: true parameters, reference motion, controller."""
-Loop = tuple[Controller, ArrayLike, float]  # controller, rotors [kg·m²], rate [Hz] of a log
+Loop = tuple[
+    simulation.Controller, ArrayLike, float
+]  # controller, rotors [kg·m²], rate [Hz] of a log
 Made = tuple[Recording, dict[str, Any], Loop | None]  # log, true parameters, closed loop
 
 
@@ -170,9 +164,9 @@ def _is_virtual(given: SimulateSettings) -> bool:
 def _virtual(
     lib: Library, motion: Trajectory, given: SimulateSettings, report: Callable[[float], None]
 ) -> Made:
-    settings = settings_of(lib, given.virtual_robot)
-    box = None if given.payload is None else read_payload(given.payload)
-    log = record(
+    settings = simulation.settings_of(lib, given.virtual_robot)
+    box = None if given.payload is None else simulation.read_payload(given.payload)
+    log = simulation.record(
         lib,
         motion,
         settings,
@@ -181,7 +175,7 @@ def _virtual(
         payload=box,
         progress=report,
     )
-    controller = Controller(stiffness=settings.stiffness, damping=settings.damping)
+    controller = simulation.Controller(stiffness=settings.stiffness, damping=settings.damping)
     known = (
         (controller, settings.rotor, settings.rate_hz)
         if settings.law == "computed_torque"
@@ -197,7 +191,7 @@ def _compiled(
     lam = perturbed_lam(lib, given.perturb, rng)
     pi = lib.pi_from_lam(lam)
     parts = {"viscous": given.viscous, "coulomb": given.coulomb, "rotor": given.rotor}
-    plant = Plant(
+    plant = simulation.Plant(
         pi,
         **parts,
         position_noise=given.position_noise,
@@ -216,9 +210,9 @@ def _compiled(
         "coulomb_speed": plant.coulomb_speed,
     }
     if given.exact:
-        return ideal(lib, motion, plant, rate, rng), truth, None
-    recording = closed_loop(lib, motion, plant, rng, rate, report)
-    return recording, truth, (Controller(), parts["rotor"], rate)
+        return simulation.ideal(lib, motion, plant, rate, rng), truth, None
+    recording = simulation.closed_loop(lib, motion, plant, rng, rate, report)
+    return recording, truth, (simulation.Controller(), parts["rotor"], rate)
 
 
 def _write(lib: Library, motion: Trajectory, made: Made, path: Path, keep_every: int) -> None:

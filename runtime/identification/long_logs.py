@@ -32,17 +32,9 @@ from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.descent.fit import Preset
 from runtime.estimators.methods import chosen_method, methods_from_statistics, require_method
 from runtime.estimators.regression.samples import samples_of
+from runtime.identification import settings as fit_settings
 from runtime.identification.identified import Identification, WholeLog, torque_errors
 from runtime.identification.problem_setup import PARTS, Assembly, FitOfAssembly, assembled
-from runtime.identification.settings import (
-    SILENT,
-    Progress,
-    Settings,
-    bare_settings,
-    require_default,
-    shares_of,
-    terms_of,
-)
 from runtime.library import Array, Integers, Library
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.consistency import check_consistency, require_plausible
@@ -357,15 +349,15 @@ def require_streamable(method: str, preset: str | Preset | None = None) -> None:
 def assemble_streamed(
     log: StreamedRecording,
     lib: Library,
-    settings: Settings | str | None = None,
+    settings: fit_settings.Settings | str | None = None,
     *,
-    progress: Progress = SILENT,
+    progress: fit_settings.Progress = fit_settings.SILENT,
     is_joined: bool = False,
     **keywords: Any,
 ) -> Assembly:
     """Assemble the problem of a log that stays in its file."""
-    chosen = bare_settings(settings, keywords)
-    require_default(chosen, WHOLE_ONLY, "a streamed log")
+    chosen = fit_settings.bare_settings(settings, keywords)
+    fit_settings.require_default(chosen, WHOLE_ONLY, "a streamed log")
     method = chosen_method(chosen.method, chosen.preset, chosen.prior)
     require_streamable(method, chosen.preset)
     recipe = log.recipe
@@ -377,8 +369,8 @@ def assemble_streamed(
         )
     head = check_consistency(head_of(log))
     require_plausible(head, lib)
-    terms = geared(terms_of(head, chosen), head, lib)
-    shares = shares_of(log, chosen)
+    terms = geared(fit_settings.terms_of(head, chosen), head, lib)
+    shares = fit_settings.shares_of(log, chosen)
     whole = parts_of_log(log, lib, preparation, terms, shares, is_joined, head.rate_hz)
     progress.step("windows of the parts")
 

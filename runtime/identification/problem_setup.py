@@ -17,16 +17,9 @@ from runtime.estimators.methods import METHODS, chosen_method
 from runtime.estimators.prior_file import KnownFriction, friction_prior_of
 from runtime.estimators.problem import FrictionPrior, Origin, Problem, mass_unit
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
+from runtime.identification import settings as fit_settings
 from runtime.identification.current_gains import in_torque
 from runtime.identification.identified import Identification
-from runtime.identification.settings import (
-    SILENT,
-    Progress,
-    Settings,
-    bare_settings,
-    shares_of,
-    terms_of,
-)
 from runtime.library import Array, Library, Mask
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.consistency import require_plausible
@@ -86,19 +79,19 @@ FitOfAssembly = Callable[[Assembly, bool], Identification]  # with or without ce
 def assemble(
     recording: Recording,
     lib: Library,
-    settings: Settings | str | None = None,
+    settings: fit_settings.Settings | str | None = None,
     *,
-    progress: Progress = SILENT,
+    progress: fit_settings.Progress = fit_settings.SILENT,
     is_joined: bool = False,
     **keywords: Any,
 ) -> Assembly:
     """Prepare, split and weight a recording; samples of validation may be fitted, too."""
-    chosen = bare_settings(settings, keywords)
+    chosen = fit_settings.bare_settings(settings, keywords)
     recording = independent_joints(recording, lib)
     require_plausible(recording, lib)
     preparation = chosen.preparation
     recording, chosen = in_torque(recording, lib, chosen)
-    terms = geared(terms_of(recording, chosen), recording, lib)
+    terms = geared(fit_settings.terms_of(recording, chosen), recording, lib)
     usual = preparation or recording.preparation
     is_cut = chosen.test is None
     is_joined = is_joined and chosen.validation is None
@@ -117,7 +110,9 @@ def assemble(
         )
         parts = first, second, third
     else:
-        parts = prepared_parts(recording, shares_of(recording, chosen), usual, prepared, is_joined)
+        parts = prepared_parts(
+            recording, fit_settings.shares_of(recording, chosen), usual, prepared, is_joined
+        )
 
     def of_power(parts: Parts) -> tuple[Recording, Recording]:
         """Rows of power at the instants of the training and validation parts."""
@@ -133,7 +128,7 @@ def assemble(
         if validation is not None:
             whole = power(recording, usual), power(validation, usual)
         else:
-            shares = shares_of(recording, chosen)
+            shares = fit_settings.shares_of(recording, chosen)
             whole = prepared_parts(recording, shares, usual, power, is_joined)[:2]
         train, unseen = (
             each.take(np.isin(each.t, part.t), "Took the instants of a part.")
@@ -151,7 +146,7 @@ def assemble(
         is_joined=is_joined,
         of_power=of_power if usual.regressor == "energy" else None,
     )
-    trained = shares_of(recording, chosen) if is_cut else EVERYTHING
+    trained = fit_settings.shares_of(recording, chosen) if is_cut else EVERYTHING
     span = trained.joined() if is_joined else trained.train
     first = assembly.parts[0]
     rounding = np.reshape(np.asarray(assembly.problem.left_out), (lib.n_joints, -1))
@@ -168,11 +163,11 @@ def assemble(
 def assembled(
     parts: Parts,
     lib: Library,
-    settings: Settings,
+    settings: fit_settings.Settings,
     terms: Friction,
     regressor: str,
     *,
-    progress: Progress = SILENT,
+    progress: fit_settings.Progress = fit_settings.SILENT,
     is_joined: bool = False,
     of_power: Callable[[Parts], tuple[Recording, Recording]] | None = None,
     pieces: Callable[[str], Iterable[Recording]] | None = None,
@@ -257,7 +252,7 @@ def _aligned(
 
 
 def known_friction(
-    lib: Library, settings: Settings, columns: tuple[str, ...], friction: Friction
+    lib: Library, settings: fit_settings.Settings, columns: tuple[str, ...], friction: Friction
 ) -> FrictionPrior | None:
     """Prior of the friction coefficients, stated ones before those of the columns."""
     prior, stated = settings.prior, settings.friction_prior
@@ -276,7 +271,7 @@ def known_friction(
     return reduce(FrictionPrior.over, priors) if priors else None
 
 
-def settings_for(lib: Library, settings: Settings) -> Settings:
+def settings_for(lib: Library, settings: fit_settings.Settings) -> fit_settings.Settings:
     """Settings with a method that the robot allows, one without a prior where none was chosen.
 
     The posterior of "map" draws every parameter to π0 of the URDF; placeholders of a URDF without

@@ -23,19 +23,12 @@ from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.methods import chosen_method, methods_from_statistics, require_method
 from runtime.estimators.problem import FrictionPrior
 from runtime.estimators.regression.samples import residuals, samples_of
+from runtime.identification import settings as fit_settings
 from runtime.identification.identified import Identification
 from runtime.identification.metrics import torque_error
 from runtime.identification.payload.body import read_payload_facts
 from runtime.identification.problem_setup import Assembly, FitOfAssembly, Parts, assembled
 from runtime.identification.result_record import LeftOutPart, RepeatabilityPart, SessionsPart, plain
-from runtime.identification.settings import (
-    SILENT,
-    Progress,
-    Settings,
-    require_default,
-    shares_of,
-    terms_of,
-)
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, link_columns, links, mass
 from runtime.recording import Friction, Preparation, Recording
@@ -205,13 +198,13 @@ def read_carried(path: Path, lib: Library) -> Array:
 def assemble_logs(
     logs: Sequence[NamedLog],
     lib: Library,
-    settings: Settings,
+    settings: fit_settings.Settings,
     *,
-    progress: Progress = SILENT,
+    progress: fit_settings.Progress = fit_settings.SILENT,
     is_joined: bool = False,
 ) -> Assembly:
     """Assemble the problem of several logs, each split like a single one."""
-    require_default(settings, ONE_LOG_ONLY, "a fit of several logs")
+    fit_settings.require_default(settings, ONE_LOG_ONLY, "a fit of several logs")
     names = tuple(log.name for log in logs)
     if len(set(names)) < max(len(names), 2):
         raise IdentificationError(
@@ -225,9 +218,9 @@ def assemble_logs(
             f"{', '.join(methods_from_statistics())}"
         )
     first = logs[0].recording
-    terms = geared(terms_of(first, settings), first, lib)
+    terms = geared(fit_settings.terms_of(first, settings), first, lib)
     shared = tuple(name for name in terms.columns if name != OFFSET)
-    shares = shares_of(first, settings)
+    shares = fit_settings.shares_of(first, settings)
     cut: list[Parts] = []
     for log in logs:
         bare, steps = _bare(log, lib)

@@ -15,13 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from runtime.common.tables import significant
-from runtime.estimators.regression.recorded_delay import (
-    EARLIEST_S,
-    FEWEST_ROWS,
-    LATEST_S,
-    ROWS,
-    filtered,
-)
+from runtime.estimators.regression import recorded_delay
 from runtime.estimators.regression.samples import samples_of
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
@@ -65,12 +59,15 @@ def _trial(whole: Recording, lib: Library, terms: Friction, late: bool) -> _Tria
     samples, t = samples_of(whole, lib), whole.t
     delays: Array = np.zeros(1)
     if late:
-        first, last = round(-LATEST_S / DELAY_STEP_S), round(EARLIEST_S / DELAY_STEP_S)
+        first, last = (
+            round(-recorded_delay.LATEST_S / DELAY_STEP_S),
+            round(recorded_delay.EARLIEST_S / DELAY_STEP_S),
+        )
         delays = np.asarray(DELAY_STEP_S * np.arange(first, last + 1))
     rows = np.flatnonzero((t + delays[0] >= t[0]) & (t + delays[-1] <= t[-1]))
-    if len(rows) < FEWEST_ROWS:
+    if len(rows) < recorded_delay.FEWEST_ROWS:
         return None
-    rows = rows[:: -(-len(rows) // ROWS)]
+    rows = rows[:: -(-len(rows) // recorded_delay.ROWS)]
     samples = samples.rows(rows)
     count, place = len(terms.columns), terms.columns.index(DRY)
     moving = samples.columns[:, :, place].any(axis=0)  # by dq, without which there is no sign of it
@@ -95,7 +92,7 @@ def with_dry_friction(
     trials = list[_Trial]()
     for recording, preparation in logs:
         known = None if late else preparation.torque_delay_s
-        usual = replace(filtered(recording, preparation), torque_delay_s=known)
+        usual = replace(recorded_delay.filtered(recording, preparation), torque_delay_s=known)
         more = replace(terms, columns=(*terms.columns, ALONG))
         others = [Friction((MEMORY, ALONG), dahl_stroke=stroke) for stroke in STROKES]
         trial = _trial(prepare(recording, usual, more, *others, lib=lib), lib, terms, late)

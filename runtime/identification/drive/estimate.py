@@ -28,12 +28,7 @@ from runtime.estimators.regression.recorded_delay import (
 )
 from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.robust import explicit
-from runtime.identification.drive.feedback import (
-    FEEDBACK,
-    LinearisedDrive,
-    feedback_torque,
-    linearised,
-)
+from runtime.identification.drive import feedback
 from runtime.identification.drive.result import DriveFit, DriveRequest
 from runtime.identification.identified import Identification
 from runtime.identification.problem_setup import assemble, known_friction
@@ -145,7 +140,7 @@ def identification_at(
         t, torque = removed
         c = np.stack([np.interp(train.t, t, row) for row in torque.T], axis=1)
         fitted = replace(fitted, tau=fitted.tau - c)
-        train = train.replace(tau=train.required("tau") - c).noted(FEEDBACK)
+        train = train.replace(tau=train.required("tau") - c).noted(feedback.FEEDBACK)
     if problem.slides:
         fitted = explicit(problem.lib, fitted).weighted(sliding(fitted.dq, train.rate_hz))
     less = replace(assembly.problem, train=fitted)
@@ -156,11 +151,11 @@ def identification_at(
 
 def linearised_at(
     problem: DriveProblem, result: Identification, x: Array, rough: bool = False
-) -> LinearisedDrive:
+) -> feedback.LinearisedDrive:
     """The step to the minimum of the linearised problem."""
     settings, train = problem.settings, result.train
     known = known_friction(result.lib, settings, result.friction.columns, result.friction)
-    return linearised(
+    return feedback.linearised(
         result,
         problem.request,
         bias=problem.split(x)[1],
@@ -262,7 +257,7 @@ def _certified(problem: DriveProblem, x: Array) -> Identification:
     """The identification next to x, without the bias by feedback, with its certificates."""
     request, whole = problem.request, replace(problem, slides=False)
     result, removed = identification_at(whole, x), None
-    c = feedback_torque(result, problem.split(x)[0], request)
+    c = feedback.feedback_torque(result, problem.split(x)[0], request)
     if c is not None:
         removed = (result.train.t, c)
         rough = identification_at(problem.rough(), x, removed)

@@ -7,7 +7,7 @@ import pytest
 
 from runtime.estimators.convex.entropic_prior import CAD
 from runtime.estimators.regression.samples import Samples, samples_of
-from runtime.identification.drive import estimate, feedback
+from runtime.identification.drive import feedback
 from runtime.identification.drive.estimate import identify_drive
 from runtime.identification.drive.feedback import FEEDBACK, linearised, response
 from runtime.identification.drive.result import DriveRequest
@@ -107,7 +107,7 @@ def test_noise_in_the_loop_gives_no_bias(
     means = {}
     for name in ("corrected", "least squares"):
         if name == "least squares":
-            monkeypatch.setattr(estimate, "feedback_torque", lambda *_: None)
+            monkeypatch.setattr(feedback, "feedback_torque", lambda *_: None)
         errors = []
         for i in range(8):
             arrays = {key: x if key == "t" else x[:, i : i + 1] for key, x in logs.items()}

@@ -103,8 +103,8 @@ def open_robot(robot: str, yes: bool, takes_free_base: bool = False) -> Library:
     if lib.manifest.floating and not takes_free_base:
         raise LibraryError(
             f"this command needs a robot with a fixed base, and that of '{lib.name}' is free; use "
-            "identify, predict, evaluate, report, export --to urdf, sample, watch or fleet, or "
-            "build the robot without --floating"
+            "identify, compare, predict, evaluate, report, export --to urdf, sample, watch or "
+            "fleet, or build the robot without --floating"
         )
     return lib
 

@@ -80,11 +80,7 @@ def compare_command(given: CompareSettings) -> None:
         _compare_results(given)
         return
     lib = open_robot(given.robot, given.yes, takes_free_base=True)
-    if lib.manifest.floating:
-        raise IdentificationError(
-            "methods are compared by their errors on a validation part, which a log of a robot "
-            "with a free base has not; identify by each method, and give the folders of two results"
-        )
+    walks = log_options.walks_of(given, lib, OF_WALK)
     runs = log_options.runs_of(given.logs, given.run)
     several = f"{len(runs)}-" if len(runs) > 1 else ""
     folder = given.out or Path("results") / f"{Path(given.logs[0]).stem}-{several}compare"
@@ -96,7 +92,7 @@ def compare_command(given: CompareSettings) -> None:
     needs_whole = given.controller or given.friction == AUTO or not known_methods
     streams = False if given.stream is None and needs_whole else given.stream
     others = ", ".join(name for name in METHODS if name not in methods_from_statistics())
-    log = log_options.opened_logs(given, lib, streams, need=f", which {others} need")
+    log = walks or log_options.opened_logs(given, lib, streams, need=f", which {others} need")
     names = names or (tuple(METHODS) if isinstance(log, Recording) else methods_from_statistics())
     if isinstance(log, StreamedRecording):
         for name in names:
@@ -111,6 +107,7 @@ def compare_command(given: CompareSettings) -> None:
         inputs=log_options.inputs_of(names, lib, controller=given.controller) or None,
         seed=given.seed,
         refit=False,
+        rows=given.rows,
     )
     with counting(state()) as bar:
         shown = shown_progress(bar, "compare", lib.name)
@@ -127,6 +124,13 @@ def compare_command(given: CompareSettings) -> None:
     comparison = _with_progress(assembly, names, known)
     _WRITTEN.begin(folder, given)
     _finish(write_comparison(comparison, folder, command_line(), settings, tuple(notes)), folder)
+
+
+OF_WALK = (
+    *("logs", "robot", "yes", "rows", "cutoff", "split", "out", "overwrite", "friction"),
+    *("coulomb_speed", "methods", "truth", "seed"),
+)
+"""Parameters of the command that apply to a robot with a free base."""
 
 
 def _compare_results(given: CompareSettings) -> None:

@@ -89,13 +89,6 @@ class IdentifySettings(FitChoices):
     certify: bool = method_field(
         True, help="Compute the convex optimum and the uncertainty, which most other commands need."
     )
-    rows: str | None = method_field(
-        None,
-        "--rows",
-        metavar="base|joints|all",
-        help="Equations of a robot with a free base: the six of the base, those of the joints, "
-        "or all; default all, and base without torques.",
-    )
     robust: bool = method_field(
         False,
         "--robust",

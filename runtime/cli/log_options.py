@@ -150,6 +150,13 @@ class FitChoices(LogChoices):
         help="TOML with the controller's gains and the reference motion, which the methods iv "
         "and didim need; simulate writes one as LOG.loop.toml.",
     )
+    rows: str | None = settings.method_field(
+        None,
+        "--rows",
+        metavar="base|joints|all",
+        help="Equations of a robot with a free base: the six of the base, those of the joints, "
+        "or all; default all, and base without torques.",
+    )
     stream: bool | None = settings.data_field(
         None,
         "--stream/--no-stream",

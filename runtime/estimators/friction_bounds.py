@@ -38,6 +38,7 @@ NEGATIVE_CAUSE = (
     "symgen inspect"
 )
 
+ERROR_OF = "error of "  # before the name of a sensor whose error is a column
 OF = " of "  # between the name of a column and that of its joint
 
 Answer = TypeVar("Answer")

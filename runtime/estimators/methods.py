@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from runtime.errors import IdentificationError, NeedsError
+from runtime.estimators.friction_bounds import ERROR_OF
 from runtime.estimators.problem import Fit, Learned, Origin, Problem
 from runtime.library import Library
 from runtime.recording.settings import COLUMNS
@@ -151,6 +152,13 @@ def _require_columns(problem: Problem, record: Method) -> None:
         raise NeedsError(
             f"the scale of the friction column {', '.join(of_prior)} comes from an inertial prior, "
             f"which the method {record.name} has not; use {able}, or leave the column out"
+        )
+    errors = [name for name in problem.friction_names if name.startswith(ERROR_OF)]
+    if errors and not record.is_most_probable:
+        raise NeedsError(
+            "the log states standard deviations of errors of its contact sensors, which are a "
+            f"prior, and the method {record.name} takes none; use map, or leave "
+            "contact_force_z_sigma, contact_force_z_sharing and contact_force_z_crosstalk out"
         )
     if record.columns is None:
         return

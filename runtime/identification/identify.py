@@ -22,7 +22,7 @@ from runtime.estimators.regression.recorded_delay import with_delay
 from runtime.identification.drive.estimate import NO_BIAS, identify_drive
 from runtime.identification.drive.result import DriveFit, DriveRequest
 from runtime.identification.drive.symmetry import identify_tied, with_mirrored_links, with_sides
-from runtime.identification.free_base.identify import identify_free_base
+from runtime.identification.free_base.identify import assembly_of_walks, identify_free_base
 from runtime.identification.free_base.result import FreeBaseIdentification
 from runtime.identification.identified import Identification
 from runtime.identification.long_logs import require_streamable
@@ -221,13 +221,15 @@ def with_row_marks(result: Identification, log: AnyLog, split: Split | None) -> 
 
 
 def assembly_of_logs(
-    log: Source | Sequence[Source],
+    log: AnyLog,
     lib: Library,
     settings: Settings,
     methods: Sequence[str],
     progress: Progress = SILENT,
 ) -> tuple[Assembly, list[str]]:
     """The problem of a log or of several that some methods share; sentences on what was chosen."""
+    if walks := _walks(log):
+        return assembly_of_walks(walks, lib, settings)
     _require_logs(log, lib, settings)
     named = _named(log)
     data = _prepared_logs(named, lib, settings, usable_columns(methods), progress)

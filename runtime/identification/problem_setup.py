@@ -57,6 +57,8 @@ class Assembly:
     source_note: str = ""  # sentence on how a streamed log was read, the last one of its result
     is_joined: bool = False  # the training part includes the validation part
     origin: Origin | None = None  # log behind the training samples, to simulate or filter
+    # rows of the parts whose errors are stated, where they are not those of the joints
+    shown: "ShownRows | None" = None
     # adds to the result what the kind of log has beyond others: figures of all rows of a streamed
     # log, the comparison of several logs. It is given the fit of an assembly
     finish: Callable[[Identification, "FitOfAssembly"], Identification] | None = None
@@ -71,6 +73,14 @@ class Assembly:
         if self.pieces is not None:
             return self.pieces(name)
         return (self.parts[PARTS.index(name)],)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ShownRows:
+    """Rows of a free base."""
+
+    samples: dict[str, Samples]  # by the name of the part
+    rows: tuple[tuple[str, ...], tuple[str, ...]]  # their names and units
 
 
 FitOfAssembly = Callable[[Assembly, bool], Identification]  # with or without certificates

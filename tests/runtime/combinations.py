@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from runtime.library import Library
-from tests.free_base_logs import virtual_log
+from tests.free_base_logs import Experiment, virtual_log
 
 PAIR_URDF = """<robot name="pair"><link name="base"/>{}</robot>"""
 SIDE = """
@@ -74,6 +74,7 @@ KINDS = (
     Kind("commanded torque", ("servo.npz",)),
     Kind("motor currents", ("amps.npz", "--recipe", "amps.toml")),
     Kind("free base", ("walk.npz",), "walker", ("--friction", "viscous,coulomb")),
+    Kind("several walks", ("walk.npz", "later.npz"), "walker", ("--friction", "viscous,coulomb")),
 )
 FEATURES: dict[str, tuple[str, ...]] = {
     "map": (),
@@ -128,9 +129,7 @@ REASONS = {
     "f": ("uses the friction columns", "the method has no rotor inertia, which a commanded torque "
           "needs"),
     "g": ("gains are unknown", "the cut-off is chosen on torques, before gains are estimated"),
-    "i": ("by their errors on a validation part", "the choice of a method needs a validation "
-          "part, which a walk is not split into: compare takes two results of it"),
-    "j": ("torque or motor currents, got one without", "a commanded torque is that of a law: no "
+    "i": ("torque or motor currents, got one without", "a commanded torque is that of a law: no "
           "sensor, whose gain could be wrong"),
     "h": ("free base|fixed base", "rows of a free base: wrenches that were not measured are "
           "eliminated instant by instant, which integrals over time, a chosen cut-off, biases of "
@@ -210,13 +209,16 @@ def _poses(
 
 
 def write_walk(folder: Path) -> None:
-    """Log of the robot `walker`, with friction of its joints."""
-    feet = ("left_fore", "right_fore")
-    arrays, rng = virtual_log(WALKER, feet, 0).arrays, np.random.default_rng(0)
-    arrays["tau"] = arrays["tau"] + 0.6 * arrays["dq"] + 0.8 * np.tanh(arrays["dq"] / 0.05)
-    for key, sigma in {"tau": 0.05, "contact_wrench": 0.3}.items():
-        arrays[key] = arrays[key] + sigma * rng.normal(size=arrays[key].shape)
-    np.savez(folder / "walk.npz", **arrays)
+    """Logs of the robot `walker`, with friction of its joints: a walk, and the rest of it."""
+    feet, rows = ("left_fore", "right_fore"), Experiment().count
+    whole = virtual_log(WALKER, feet, 0, Experiment(count=2 * rows)).arrays
+    for name, part in (("walk", slice(0, rows)), ("later", slice(rows, None))):
+        arrays = {key: x[part] if len(x) == 2 * rows else x for key, x in whole.items()}
+        rng = np.random.default_rng(part.start)
+        arrays["tau"] = arrays["tau"] + 0.6 * arrays["dq"] + 0.8 * np.tanh(arrays["dq"] / 0.05)
+        for key, sigma in {"tau": 0.05, "contact_wrench": 0.3}.items():
+            arrays[key] = arrays[key] + sigma * rng.normal(size=arrays[key].shape)
+        np.savez(folder / f"{name}.npz", **arrays)
 
 
 def words_of(kind: Kind, feature: str, robot: Path) -> tuple[list[str], list[str]]:
@@ -228,7 +230,7 @@ def words_of(kind: Kind, feature: str, robot: Path) -> tuple[list[str], list[str
         options = FEATURES[feature]
         further = () if options[:1] == kind.further[:1] else kind.further
         return [], [*usual, "cell", *further, *options]
-    last = kind.logs[-1] if kind.name == "several logs" else kind.logs[0]
+    last = kind.logs[-1] if kind.name.startswith("several") else kind.logs[0]
     words = [{"LOG": last, "OUT": out}.get(word, word) for word in AFTERWARDS[feature]]
     if "LOG" in AFTERWARDS[feature]:
         words += ["--robot", str(robot)]

@@ -263,15 +263,16 @@ def write_comparison(
     lib = assembly.problem.lib
     advice = advise(comparison.rows, len(lib.base_columns))
     parts = {name: _extent(assembly.recordings(name)) for name in PARTS}
-    train = assembly.parts[0]
+    train, shown = assembly.parts[0], assembly.shown
+    names = (lib.joint_names, file_units(lib.manifest)) if shown is None else shown.rows
     one_run = (
         "training and test are parts of one run, which underestimates the error of every method",
     )
     facts = {
         "format": FORMAT,
         "robot": lib.name,
-        "joints": list(lib.joint_names),
-        "units": file_units(lib.manifest),
+        "joints": list(names[0]),
+        "units": list(names[1]),
         "recording": {
             "name": train.name.removesuffix("/train"),
             "samples": {name: count for name, (count, *_) in parts.items()},

@@ -6,7 +6,7 @@ bounds of friction coefficients (map, pc-ols) count in the gap.
 """
 
 import hashlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -197,6 +197,9 @@ def _figures(
 ) -> Figures:
     problem, lib = assembly.problem, result.lib
     training = _misfit(problem.samples("train"), result.predict_samples)
+    shown = training
+    if assembly.shown is not None:
+        shown = _misfit(_part(assembly, "train"), result.predict_samples)
     held = _misfit(_part(assembly, "validation"), result.predict_samples)
     unseen = _misfit(_part(assembly, "test"), result.predict_samples)
 
@@ -210,6 +213,7 @@ def _figures(
         result.phi,
         first_guess=lib.pi_from_lam(problem.start),
         compressed=problem.statistics,
+        tests=assembly.shown is None,  # which are those of joints
     )
     smallest = result.relative_eigenvalues
     wrong = None
@@ -218,7 +222,7 @@ def _figures(
         wrong = 100 * float(distance)
     gap = (loss(training.power) - optimum) / max(optimum, TINY * loss(training.total))
     return Figures(
-        train_percent=training.error.overall,
+        train_percent=shown.error.overall,
         validation_percent=held.error.overall,
         test_percent=unseen.error.overall,
         rms=unseen.error.rms,
@@ -265,5 +269,7 @@ def _misfit(parts: Iterable[Samples], predict: Callable[[Samples], Array]) -> _M
     return _Misfit(power, total, np.concatenate(squares))
 
 
-def _part(assembly: Assembly, name: str) -> Iterator[Samples]:
+def _part(assembly: Assembly, name: str) -> Iterable[Samples]:
+    if assembly.shown is not None:
+        return (assembly.shown.samples[name],)
     return (samples_of(part, assembly.problem.lib) for part in assembly.recordings(name))

@@ -4,24 +4,21 @@ The rows of `rows` are given to the method, by default map (entropic prior at th
 link included), so that what the log does not determine keeps the values of the URDF, and says so.
 """
 
-from collections import ChainMap
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from runtime.common.threads import one_blas_thread
-from runtime.errors import IdentificationError
 from runtime.estimators.convex.entropic_prior import CAD
-from runtime.estimators.friction_bounds import OF
-from runtime.estimators.methods import METHODS, Method, chosen_method, fit_by
+from runtime.estimators.friction_bounds import ERROR_OF
+from runtime.estimators.methods import fit_by
 from runtime.estimators.optimizers import Status
-from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import Fit, FrictionPrior, Problem
 from runtime.estimators.robust import robust_problem
 from runtime.estimators.uncertainty import visible_noise
 from runtime.identification import metrics
-from runtime.identification.drive.symmetry import sides_of, tied_prior, with_mirrored_links
+from runtime.identification.drive.symmetry import sides_of, tied_prior
 from runtime.identification.free_base.drives import (
     RowNoise,
     noise_of,
@@ -31,12 +28,7 @@ from runtime.identification.free_base.drives import (
     vertical_force,
 )
 from runtime.identification.free_base.plausibility import notes_on_errors
-from runtime.identification.free_base.prepared_walk import (
-    PreparedWalk,
-    notes_on,
-    prepared_walk,
-    require_settings,
-)
+from runtime.identification.free_base.prepared_walk import PreparedWalk, notes_on, prepared_walk
 from runtime.identification.free_base.result import (
     Evidence,
     FreeBaseIdentification,
@@ -44,7 +36,7 @@ from runtime.identification.free_base.result import (
     uncertainty_of,
 )
 from runtime.identification.free_base.rows import Drives, FreeBaseRows
-from runtime.identification.problem_setup import known_friction
+from runtime.identification.problem_setup import PARTS, Assembly, ShownRows
 from runtime.identification.result_file import provenance_of, record_about, stated_steps
 from runtime.identification.result_record import (
     Coefficient,
@@ -61,8 +53,8 @@ from runtime.identification.settings import Settings, cutoff_of
 from runtime.identification.several_logs import agreement_of
 from runtime.identification.single_log import refit_note
 from runtime.library import Array, Integers, Library
-from runtime.library.manifest import file_units
-from runtime.recording import Friction, Preparation
+from runtime.library.free_base import FREEDOM
+from runtime.recording import Preparation, Recording
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.recipes.recipe import COMMANDED, MEASURED
 from runtime.recording.row_marks import COUNT, row_marks
@@ -77,38 +69,24 @@ def identify_free_base(
 
     Offsets of contact sensors are those of one log each, all other coefficients are common.
     """
-    if not lib.manifest.floating:
-        raise IdentificationError(
-            f"the base of '{lib.name}' is fixed, so a log with the motion of a base does not fit; "
-            "build the robot with --floating, or give a log of joints alone"
-        )
-    pairs = tuple(settings.symmetric)
-    prior = with_mirrored_links(settings.prior, lib, pairs, settings.tie)
-    method = METHODS[chosen_method(settings.method, settings.preset, prior)]
-    settings = replace(settings, prior=prior)
-    require_settings(settings, method, logs)
     data = prepared_walk(logs, lib, settings, trim_s)
-
-    def fit_of(instants: Integers, are_few: bool = False) -> WalkFit:
-        return _fitted(lib, data, instants, settings, method, are_few)
-
-    trained = final = fit_of(data.parts[0])
+    settings, drives = data.settings, data.drives
+    trained = final = _fitted(data, data.parts[0])
     said = list[str]()
     if settings.refit and trained.is_complete:
-        whole = fit_of(data.instants, trained.noise is not None)
+        whole = _fitted(data, data.instants, trained.noise is not None)
         final = whole if whole.is_complete else trained
         rows, of_train = len(data.instants), len(data.parts[0])
         said = [refit_note(rows, of_train, "errors", whole.is_complete)]
-    fit, evidence, drives = final.fit, final.evidence, data.drives
-    places, root = evidence.of_drives, evidence.phi_root
-    notes = [*final.notes, *notes_on(lib, logs, data, trained.rows, trained.noise), *said]
+    fit, evidence, places = final.fit, final.evidence, data.of_drives
+    root, notes = evidence.phi_root, [*final.notes, *notes_on(data, trained.rows, trained.noise)]
     mirrored: tuple[MirroredPair, ...] = ()
-    if pairs:
-        mirrored, of_sides = _sides(lib, data, final, root, pairs)
+    if settings.symmetric:
+        mirrored, of_sides = _sides(data, final, root)
         notes = [*of_sides, *notes]
     sessions = None
     if len(logs) > 1:
-        sessions, of_logs = _agreement(logs, lib, data, fit_of)
+        sessions, of_logs = _agreement(data)
         notes = [*of_logs, *notes]
     tested, test = data.tested, data.motion.rows(data.parts[-1])
     names, shown = tested.shown(drives is not None)
@@ -118,23 +96,21 @@ def identify_free_base(
     percent, sizes = error_parts(*errors)
     deviations = np.linalg.norm(root, axis=1)
     sensors = dict(zip(data.sensors, final.phi[: places.start].tolist(), strict=True))
-    of_rows = dict(zip(lib.row_names, [*["N"] * 3, *["N*m"] * 3, *file_units(lib.manifest)],
-                       strict=True))  # fmt: skip
     cutoff_hz = cutoff_of(settings.cutoff)
     preparation = Preparation()
     if cutoff_hz is not None:
         preparation = Preparation(filter="butterworth", cutoff_hz=cutoff_hz)
-    terms = Friction(()) if drives is None else drives.terms
+    terms = data.friction
     phi, spread = (x[places].reshape(lib.n_joints, -1) for x in (final.phi, deviations))
     is_commanded = logs[0].is_commanded
     is_late = is_commanded or settings.delay is not None
     record = record_about(
         *(lib, fit.pi, fit.lam),
-        method=method.name,
+        method=data.method.name,
         base="free",
         status=fit.status,
         recording=RecordingPart.with_gaps(
-            name=" + ".join(log.name for log in logs),
+            name=data.name,
             duration=data.motion.seconds,
             samples={"train": len(data.parts[0]), "validation": 0, "test": len(test)},
             preparation=stated_steps(preparation),
@@ -157,15 +133,16 @@ def identify_free_base(
         warnings=(
             *fit.notes,
             *notes,
+            *said,
             *notes_on_errors(
                 *(rms(measured), errors[1].rms, sensors, list(data.sensors.values())),
                 bool(logs[0].joint_names),
             ),
         ),
-        provenance=provenance_of(lib, "", dict(ChainMap(*(dict(x.source) for x in logs))), None),
+        provenance=provenance_of(lib, "", data.files, None),
         rows=data.rows,
         error_rows=names,
-        error_units=tuple(of_rows.get(name, "") for name in names),
+        error_units=data.units_of(names),
         total_mass=total_mass(evidence),
         vertical_force=vertical_force(lib, test, trained.fit.pi, trained.phi[: places.start]),
         sensors={
@@ -192,6 +169,26 @@ def identify_free_base(
     )
 
 
+def assembly_of_walks(
+    logs: Sequence[FreeBaseRecording], lib: Library, settings: Settings
+) -> tuple[Assembly, list[str]]:
+    """The problem of walks that some methods share; sentences on what was chosen."""
+    data = prepared_walk(logs, lib, settings, is_joined=False)
+    motions = [data.motion.rows(part) for part in data.parts]
+    rows = [data.rows_of(motion) for motion in motions]
+    problem, _, _ = _problem(data, rows[0], motions[0].seconds, rows[1])
+    names, _ = data.tested.shown(data.drives is not None)
+    samples = [each.shown_samples(data.drives is not None) for each in rows]
+    shown = ShownRows(dict(zip(PARTS, samples, strict=True)), (names, data.units_of(names)))
+    train, held_out, test = (
+        Recording(motion.t, motion.q[:, FREEDOM:], name=data.name, source=data.files)
+        for motion in motions
+    )
+    names = data.motion.logs if len(logs) > 1 else ()
+    parts = (train, held_out, test)
+    return Assembly(problem, parts, data.friction, logs=names, shown=shown), [*data.notes]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class WalkFit:
     """Fit to the equations of some instants."""
@@ -214,84 +211,80 @@ class WalkFit:
 
     def predicted(self, rows: FreeBaseRows) -> Array:
         """Right side of other equations, (N, m)."""
-        samples = rows.samples
-        return np.asarray(
-            samples.rigid(self.evidence.lib, self.fit.pi) + samples.columns @ self.phi
-        )
+        lib, samples = self.evidence.lib, rows.samples
+        return np.asarray(samples.rigid(lib, self.fit.pi) + samples.columns @ self.phi)
 
 
-def _fitted(
-    lib: Library,
-    data: PreparedWalk,
-    instants: Integers,
-    settings: Settings,
-    method: Method,
-    are_few: bool,
-) -> WalkFit:
-    """Fit of some instants; errors of sensors have a prior, tied drives one of a fit before."""
-    motion, drives = data.motion.rows(instants), data.drives
-    rows, sensors, seconds = data.rows_of(lib, motion), data.sensors, motion.seconds
-    samples, size, notes = rows.samples, len(sensors), list[str]()
-    sensed = noise = known = None
-    if sensors:
-        sigma = list(sensors.values())
-        sensed = FrictionPrior.of_some(samples.shape, np.s_[0, :size], 0.0, sigma)
-    columns = tuple(f"error{OF}{name}" for name in sensors)
-    weights, names = np.ones(len(samples)), tuple[str, ...]()
-    if drives is None:
-        noise = noise_of(lib, rows, sensed, cutoff_of(settings.cutoff), seconds, are_few)
-        floor = None if noise is None else noise.floor
-        if noise is not None:
-            weights = noise.weights
-            samples = samples.weighted(weights)
-    else:
-        names = drives.terms.columns
-        if names:
-            known = known_friction(lib, settings, names, drives.terms)
-        columns, floor = (*columns, *drives.names(lib.joint_names)), unit_noise(samples)
-    places = slice(size, size + lib.n_joints * len(names))
-    problem = problem_of(lib, samples, data.tested.samples, columns, floor, sensed)
-    if known is not None:
-        problem = _with_known(problem, known, places)
+def _fitted(data: PreparedWalk, instants: Integers, are_few: bool = False) -> WalkFit:
+    """Fit of some instants; tied drives have a prior by a fit without it."""
+    motion, notes = data.motion.rows(instants), list[str]()
+    rows, settings, method = data.rows_of(motion), data.settings, data.method
+    problem, weights, noise = _problem(data, rows, motion.seconds, data.tested, are_few)
     if settings.robust:
         problem, robust = robust_problem(problem, method.name)
         weights = weights * robust.weights
         notes.append(robust.note(motion.t, rows.equations))
     fit = fit_by(problem, method.name, settings.preset, settings.prior)
-    if settings.tie and names:
-        phi = fit.phi[0, places].reshape(lib.n_joints, -1)
-        tied, note = tied_prior(lib.joint_names, tuple(settings.symmetric), names, phi, known)
-        problem = _with_known(problem, tied, places)
+    if settings.tie and data.friction.columns:
+        names, columns = data.lib.joint_names, data.friction.columns
+        phi = fit.phi[0, data.of_drives].reshape(len(names), -1)
+        pairs, known = tuple(settings.symmetric), data.known_friction
+        tied, note = tied_prior(names, pairs, columns, phi, known)
+        problem = _with_known(problem, tied, data.of_drives)
         fit = fit_by(problem, method.name, settings.preset, settings.prior)
         notes.insert(0, note)
     offsets = rows.offsets * np.sqrt(weights)[:, None, None]
-    evidence = _evidence(problem, fit, method, settings.prior, offsets, seconds, places)
+    evidence = _evidence(data, problem, fit, offsets, motion.seconds)
     return WalkFit(rows, fit, evidence, noise, tuple(notes))
 
 
-def _agreement(
-    logs: Sequence[FreeBaseRecording],
-    lib: Library,
+def _problem(
     data: PreparedWalk,
-    fit_of: Callable[[Integers], WalkFit],
-) -> tuple[SessionsPart, tuple[str, ...]]:
-    """Comparison of the logs by all of their instants."""
+    rows: FreeBaseRows,
+    seconds: float,
+    held_out: FreeBaseRows,
+    are_few: bool = False,
+) -> tuple[Problem, Array, RowNoise | None]:
+    """The problem of equations, weights of its instants, and its noise if that is of the URDF."""
+    samples, weights, noise = rows.samples, np.ones(len(rows.samples)), None
+    sensors, drives, sensed = data.sensors, data.drives, None
+    if sensors:
+        sigma = list(sensors.values())
+        sensed = FrictionPrior.of_some(samples.shape, np.s_[0, : len(sigma)], 0.0, sigma)
+    columns = tuple(f"{ERROR_OF}{name}" for name in sensors)
+    if drives is None:
+        cutoff_hz = cutoff_of(data.settings.cutoff)
+        noise = noise_of(data.lib, rows, sensed, cutoff_hz, seconds, are_few)
+        floor = None if noise is None else noise.floor
+        if noise is not None:
+            weights = noise.weights
+            samples = samples.weighted(weights)
+    else:
+        columns, floor = (*columns, *drives.names(data.lib.joint_names)), unit_noise(samples)
+    problem = problem_of(data.lib, samples, held_out.samples, columns, floor, sensed)
+    if data.known_friction is not None:
+        problem = _with_known(problem, data.known_friction, data.of_drives)
+    return problem, weights, noise
+
+
+def _agreement(data: PreparedWalk) -> tuple[SessionsPart, tuple[str, ...]]:
+    """Comparison of several logs by all of their instants."""
     instants = [np.intersect1d(data.instants, of_log) for _, of_log in data.motion.each()]
-    rows = [data.rows_of(lib, data.motion.rows(some)) for some in instants]
+    rows = [data.rows_of(data.motion.rows(some)) for some in instants]
 
     def predicted(walk: WalkFit | None, k: int) -> Array:
-        some = rows[k]
+        some, lib = rows[k], data.lib
         values = some.samples.rigid(lib, lib.pi0) if walk is None else walk.predicted(some)
         return some.over_rows(values)
 
     return agreement_of(
-        lib,
-        [(log.name, log.joints) for log in logs],
-        lambda numbers: fit_of(np.concatenate([instants[k] for k in numbers])),
+        data.lib,
+        [(log.name, log.joints) for log in data.logs],
+        lambda numbers: _fitted(data, np.concatenate([instants[k] for k in numbers])),
         lambda walk: (walk.fit.pi, walk.evidence.posterior.pi_root),
         predicted,
         [each.over_rows(each.samples.tau) for each in rows],
-        payload_kg=(0.0,) * len(logs),
+        payload_kg=(0.0,) * len(rows),
         train_samples=tuple(map(len, instants)),
         offsets=None,
     )
@@ -316,14 +309,13 @@ def _delay(drives: Drives | None, fit: Fit, deviations: Array) -> Delay | None:
 
 
 def _sides(
-    lib: Library, data: PreparedWalk, walk: WalkFit, root: Array, pairs: tuple[str, ...]
+    data: PreparedWalk, walk: WalkFit, root: Array
 ) -> tuple[tuple[MirroredPair, ...], tuple[str, ...]]:
     """Comparison of the drives of mirrored joints, and notes on it."""
-    rows, places = data.tested, walk.evidence.of_drives
-    columns = () if data.drives is None else data.drives.terms.columns
+    rows, places, columns = data.tested, data.of_drives, data.friction.columns
     return sides_of(
-        *(lib.joint_names, pairs, columns),
-        walk.phi[places].reshape(lib.n_joints, -1),
+        *(data.lib.joint_names, tuple(data.settings.symmetric), columns),
+        walk.phi[places].reshape(data.lib.n_joints, -1),
         root[places] if columns else None,
         rows.over_rows(rows.samples.tau - walk.predicted(rows)),
         lambda change: rows.over_rows(rows.samples.columns[:, :, places] @ change.ravel()),
@@ -331,17 +323,11 @@ def _sides(
 
 
 def _evidence(
-    problem: Problem,
-    fit: Fit,
-    method: Method,
-    prior: PriorFile | None,
-    offsets: Array,
-    seconds: float,
-    of_drives: slice,
+    data: PreparedWalk, problem: Problem, fit: Fit, offsets: Array, seconds: float
 ) -> Evidence:
     """Data and priors about a fit; offsets (N, m, o) of sensors move π and φ."""
-    lib, samples = problem.lib, problem.train
-    if method.is_most_probable:
+    lib, samples, prior = data.lib, problem.train, data.settings.prior
+    if data.method.is_most_probable:
         (weights, noise), statistics = fit.noise(), fit.statistics or problem.statistics()
     else:
         weights, statistics, noise = visible_noise(
@@ -358,8 +344,8 @@ def _evidence(
         prior.kappa if prior and prior.kappa else CAD,
         None if prior is None else prior.centre,
         np.einsum("nmp,m,nmo->po", columns, weights, offsets, optimize=True),
-        method.is_most_probable,
+        data.method.is_most_probable,
         noise.inflation,
         seconds,
-        of_drives,
+        data.of_drives,
     )

@@ -6,7 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.estimators.methods import Method, methods_from_statistics
+from runtime.estimators.methods import METHODS, Method, chosen_method, methods_from_statistics
+from runtime.estimators.problem import FrictionPrior
+from runtime.identification.drive.symmetry import with_mirrored_links
 from runtime.identification.free_base.drives import (
     COLUMNS,
     EARLIEST_S,
@@ -31,8 +33,10 @@ from runtime.identification.free_base.rows import (
     sensor_errors,
     with_contact_states,
 )
+from runtime.identification.problem_setup import known_friction
 from runtime.identification.settings import AUTO, Settings, cutoff_of, friction_of, require_default
 from runtime.library import Integers, Library
+from runtime.library.manifest import file_units
 from runtime.recording import Friction, Split
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion, joined, motion_of
@@ -46,8 +50,17 @@ NOT_TAKEN = (
 """Fields of `Settings` without a meaning for the rows of a free base."""
 
 
-def require_settings(settings: Settings, method: Method, logs: Sequence[FreeBaseRecording]) -> None:
-    """Refuse what the rows of a free base cannot use."""
+def settings_of_walks(
+    logs: Sequence[FreeBaseRecording], lib: Library, settings: Settings
+) -> tuple[Settings, Method]:
+    """Settings with ties of mirrored links, and their method; refuse what walks cannot use."""
+    if not lib.manifest.floating:
+        raise IdentificationError(
+            f"the base of '{lib.name}' is fixed, so a log with the motion of a base does not fit; "
+            "build the robot with --floating, or give a log of joints alone"
+        )
+    prior = with_mirrored_links(settings.prior, lib, tuple(settings.symmetric), settings.tie)
+    method = METHODS[chosen_method(settings.method, settings.preset, prior)]
     require_default(settings, NOT_TAKEN, "a robot with a free base")
     if settings.cutoff == AUTO:
         raise IdentificationError(
@@ -60,24 +73,56 @@ def require_settings(settings: Settings, method: Method, logs: Sequence[FreeBase
             "a free base are equations of which unknown wrenches were eliminated; use one of "
             f"{', '.join(methods_from_statistics())}"
         )
-    if sensor_errors(logs[0].contacts) and not method.is_most_probable:
+    for log in logs:
+        require_clock(log)
+        if log.is_commanded != logs[0].is_commanded:
+            raise IdentificationError(
+                "some of the logs hold commanded torques and some measured ones, whose friction "
+                "and delay differ; identify each kind alone"
+            )
+    share = (settings.split or Split()).joined()[1]
+    if not 0.1 <= share <= 0.95:
         raise IdentificationError(
-            "the log states standard deviations of errors of its contact sensors, which are a "
-            f"prior, and the method {method.name} takes none; use map, or leave "
-            "contact_force_z_sigma, contact_force_z_sharing and contact_force_z_crosstalk out"
+            f"--split needs a training share of 0.1 to 0.95 of the log, got {share:g}"
         )
+    return replace(settings, prior=prior), method
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PreparedWalk:
     """Motion of one log or several, and instants of its parts, with sentences on them."""
 
+    logs: Sequence[FreeBaseRecording]
+    lib: Library
+    settings: Settings
+    method: Method
     rows: str  # base, joints or all
     motion: FreeBaseMotion
     drives: Drives | None
-    parts: tuple[Integers, ...]  # instants of training and test
+    parts: tuple[Integers, ...]  # instants of training, of validation unless it is joined, of test
     tested: FreeBaseRows
     notes: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Names of the logs."""
+        return " + ".join(log.name for log in self.logs)
+
+    @property
+    def files(self) -> dict[str, str]:
+        """Digest of every file."""
+        return {file: digest for log in self.logs for file, digest in log.source.items()}
+
+    @property
+    def friction(self) -> Friction:
+        """Friction columns."""
+        return Friction(()) if self.drives is None else self.drives.terms
+
+    @property
+    def known_friction(self) -> FrictionPrior | None:
+        """Prior of the friction coefficients, (n, k)."""
+        columns = self.friction.columns
+        return known_friction(self.lib, self.settings, columns, self.friction) if columns else None
 
     @property
     def sensors(self) -> dict[str, float]:
@@ -85,13 +130,25 @@ class PreparedWalk:
         return dict(sensor_errors(self.motion.contacts, self.motion.logs))
 
     @property
+    def of_drives(self) -> slice:
+        """Places of the friction coefficients, joint by joint, behind those of the sensors."""
+        first = len(self.sensors)
+        return slice(first, first + self.lib.n_joints * len(self.friction.columns))
+
+    @property
     def instants(self) -> Integers:
         """Instants of all parts."""
         return np.sort(np.concatenate(self.parts))
 
-    def rows_of(self, lib: Library, motion: FreeBaseMotion) -> FreeBaseRows:
+    def rows_of(self, motion: FreeBaseMotion) -> FreeBaseRows:
         """Equations of some instants."""
-        return rows_of(lib, motion, self.rows, self.drives)
+        return rows_of(self.lib, motion, self.rows, self.drives)
+
+    def units_of(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Units of rows; none of equations that mix them."""
+        units = [*["N"] * 3, *["N*m"] * 3, *file_units(self.lib.manifest)]
+        of_rows = dict(zip(self.lib.row_names, units, strict=True))
+        return tuple(of_rows.get(name, "") for name in names)
 
 
 def usual_rows(logs: Sequence[FreeBaseRecording]) -> str:
@@ -100,23 +157,17 @@ def usual_rows(logs: Sequence[FreeBaseRecording]) -> str:
 
 
 def prepared_walk(
-    logs: Sequence[FreeBaseRecording], lib: Library, settings: Settings, trim_s: float
+    logs: Sequence[FreeBaseRecording],
+    lib: Library,
+    settings: Settings,
+    trim_s: float = 0.0,
+    is_joined: bool = True,
 ) -> PreparedWalk:
-    """Equations of logs that agree with the robot."""
-    for log in logs:
-        require_clock(log)
-    share = (settings.split or Split()).joined()[1]
-    if not 0.1 <= share <= 0.95:
-        raise IdentificationError(
-            f"--split needs a training share of 0.1 to 0.95 of the log, got {share:g}"
-        )
+    """Motion of logs that agree with the robot; joined, the validation part trains."""
+    settings, method = settings_of_walks(logs, lib, settings)
+    split, is_commanded = settings.split or Split(), logs[0].is_commanded
+    shares = split.joined()[1:] if is_joined else split.validation
     rows = settings.rows or usual_rows(logs)
-    is_commanded = logs[0].is_commanded
-    if any(log.is_commanded != is_commanded for log in logs):
-        raise IdentificationError(
-            "some of the logs hold commanded torques and some measured ones, whose friction and "
-            "delay differ; identify each kind alone"
-        )
     cutoff_hz, drives, notes = cutoff_of(settings.cutoff), None, list[str]()
     if is_commanded:
         states = [with_contact_states(log, lib) for log in logs]
@@ -144,7 +195,7 @@ def prepared_walk(
 
         def train_at(late: float, columns: Friction) -> FreeBaseMotion:
             motion = motion_at(late, columns)
-            return motion.rows(parts_of(motion, share, trim_s)[0])
+            return motion.rows(parts_of(motion, shares, trim_s)[0])
 
         delay_s = _stated_delay(settings.delay, is_commanded)
         if terms.columns[:1] == (AUTO,):
@@ -158,15 +209,16 @@ def prepared_walk(
     motion = motion_at(late, columns)
     for name, instants in motion.each():
         require_joint_units(lib, motion.rows(instants), name)
-    parts = parts_of(motion, share, trim_s, None if drives is None else cutoff_hz)
-    train, test = (motion.rows(part) for part in parts)
+    parts = parts_of(motion, shares, trim_s, None if drives is None else cutoff_hz)
+    train, test = motion.rows(parts[0]), motion.rows(parts[-1])
     trained, tested = (rows_of(lib, part, rows, drives) for part in (train, test))
     for name, instants in train.each():
         if drives is None:
             require_forces_on_robot(lib, trained, instants, name)
         require_contact_conventions(lib, train.rows(instants), name)
         require_torque_sign(lib, train.rows(instants), name)
-    return PreparedWalk(rows, motion, drives, parts, tested, tuple(notes))
+    of_logs = (logs, lib, settings, method)
+    return PreparedWalk(*of_logs, rows, motion, drives, parts, tested, tuple(notes))
 
 
 def _stated_delay(delay: float | str | None, is_commanded: bool) -> float | None:
@@ -188,47 +240,40 @@ def _stated_delay(delay: float | str | None, is_commanded: bool) -> float | None
 
 
 def parts_of(
-    motion: FreeBaseMotion, share: float, trim_s: float, cutoff_hz: float | None = None
+    motion: FreeBaseMotion, shares: Sequence[float], trim_s: float, cutoff_hz: float | None = None
 ) -> tuple[Integers, ...]:
-    """Instants of training and test of every log, without `trim_s` [s] at either end.
+    """Instants of the parts of every log that end at some shares, without `trim_s` [s] at its ends.
 
     With a cut-off they are `ROWS_PER_PERIOD`: more rows of a low-pass contain nothing new.
     """
-    parts: list[list[Integers]] = [[], []]
+    parts: list[list[Integers]] = [[] for _ in (*shares, 1.0)]
     for name, rows in motion.each():
         t = motion.t[rows]
         inside = rows[(t >= t[0] + trim_s) & (t <= t[-1] - trim_s)]
-        border = t[0] + share * (t[-1] - t[0])
+        borders = t[0] + np.array(shares) * (t[-1] - t[0])
+        number = np.searchsorted(borders, motion.t[inside], side="right")
         step = 1
         if cutoff_hz is not None:
             period = 1.0 / (cutoff_hz * float(np.median(np.diff(t))))
             step = max(1, int(period / ROWS_PER_PERIOD))
-        is_first = motion.t[inside] < border
-        if is_first.all() or not is_first.any():
-            raise IdentificationError(
-                f"{name}: no row is left for training or test; record for longer"
-            )
-        parts[0].append(inside[is_first][::step])
-        parts[1].append(inside[~is_first][::step])
-    first, second = map(np.concatenate, parts)
-    return first, second
+        for k, part in enumerate(parts):
+            part.append(inside[number == k][::step])
+            if not part[-1].size:
+                raise IdentificationError(
+                    f"{name}: no row is left for training or test; record for longer"
+                )
+    return tuple(map(np.concatenate, parts))
 
 
-def notes_on(
-    lib: Library,
-    logs: Sequence[FreeBaseRecording],
-    data: PreparedWalk,
-    trained: FreeBaseRows,
-    noise: RowNoise | None,
-) -> tuple[str, ...]:
+def notes_on(data: PreparedWalk, trained: FreeBaseRows, noise: RowNoise | None) -> tuple[str, ...]:
     """Sentences on the rows: how many, with which noise and offsets, and what was not read."""
     notes = list(data.notes)
     if noise is not None:
         independent = trained.samples.tau.size / noise.floor.inflation
         notes.append(
-            f"{independent:.0f} independent equations for {len(lib.base_columns)} base parameters: "
-            "most of the result is the prior, and the residual of the URDF counts as noise, "
-            "without its mean and errors of sensors"
+            f"{independent:.0f} independent equations for {len(data.lib.base_columns)} base "
+            "parameters: most of the result is the prior, and the residual of the URDF counts as "
+            "noise, without its mean and errors of sensors"
         )
     if trained.offsets.size:
         force, moment = OFFSET_SIGMA[[0, -1]]
@@ -244,7 +289,7 @@ def notes_on(
             f"contact wrenches are not measured completely: {counts} of {len(trained.names)} "
             "equations per instant are left"
         )
-    if unread := dict.fromkeys(name for log in logs for name in log.unread):
+    if unread := dict.fromkeys(name for log in data.logs for name in log.unread):
         notes.append(
             f"arrays that are not read: {', '.join(unread)}; expected names are listed in "
             "docs/howto/free-base.md"

@@ -186,6 +186,14 @@ class FreeBaseRows:
         """Names of the rows whose errors are stated, and the map of equations to them."""
         return (self.names, self.over_rows) if has_drives else (self.equations, np.asarray)
 
+    def shown_samples(self, has_drives: bool) -> Samples:
+        """Equations as the rows whose errors are stated."""
+        if not has_drives:
+            return self.samples
+        back, samples = self.root @ self.basis, self.samples
+        tau = self.over_rows(samples.tau)
+        return _samples(back @ np.asarray(samples.base), tau, back @ samples.columns)
+
     @property
     def equations(self) -> tuple[str, ...]:
         """Names of the m equations: those of the rows where no wrench was eliminated."""

@@ -55,7 +55,8 @@ class Watch:
         sys.addaudithook(self._hear)
 
     def _hear(self, event: str, arguments: tuple[Any, ...]) -> None:
-        if not self.armed or (event == "subprocess.Popen" and arguments[0] in self.programs):
+        starts = event in {"subprocess.Popen", "os.posix_spawn"}  # the latter from Python 3.13 on
+        if not self.armed or (starts and arguments[0] in self.programs):
             return
         if event in FORBIDDEN or (event in CHANGING and not self._is_allowed(arguments)):
             self.seen.append(f"{event} {arguments!r:.200}")

@@ -1,5 +1,6 @@
 """Settings: one frozen object for every way to identify, with keywords beside it."""
 
+import inspect
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +33,7 @@ def test_settings_and_keywords_give_the_same_answer(lib: Library, noisy: Recordi
 def test_every_setting_is_documented() -> None:
     """Property: the fields stand in the class's docstring, and are keywords of identify."""
     for name in NAMES:
-        assert f"        {name}: " in str(Settings.__doc__)
+        assert f"\n    {name}: " in str(inspect.getdoc(Settings))
         assert name in SettingKeywords.__annotations__
 
 

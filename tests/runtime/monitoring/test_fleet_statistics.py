@@ -148,8 +148,8 @@ def test_the_commands_from_log_to_prior(
     assert facts["units"] == 7
     assert [each["unit"] for each in facts["stand_out"]] == ["real"]
     assert not (tmp_path / "fleet.toml.parts").exists()
-    arrays = np.load(tmp_path / "fleet.npz")
-    assert arrays["pi"].shape == (7, lib.pi0.size)
+    with np.load(tmp_path / "fleet.npz") as arrays:
+        assert arrays["pi"].shape == (7, lib.pi0.size)
     prior = read_prior(tmp_path / "fleet.toml", lib)
     assert prior.units == 6
     assert prior.kappa == facts["trust"]

@@ -55,7 +55,8 @@ class Plan:
     target: str  # text of the target
     duration: float = 2.5  # of the first motion at full speed [s]
     later_duration: float = 10.0  # of every further motion at full speed [s]
-    # percent of full speed, of the first motion in turn; further motions run at the last of them
+    # speeds of the first motion, percent of full speed, in the order of their runs; further motions
+    # run at the last of them, with a model that full speed has confirmed
     stages: tuple[float, ...] = (10.0, 50.0, 100.0)
     most_seconds: float = 600.0  # motion time after which no further motion is begun [s]
     seed: int = 0  # of the designs

@@ -21,7 +21,8 @@ from runtime.library import Array, Library
 from runtime.recording import Recording
 
 START = 0.05
-"""Largest distance from a motion's start [rad, m]: friction holds arms without integral action."""
+"""Largest distance from the start of a motion at which it begins [rad, m]: friction holds an arm
+without integral action some hundredths away."""
 DriverMotion = Trajectory | JoinedMotion
 
 

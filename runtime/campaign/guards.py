@@ -25,7 +25,9 @@ WIDEST = 0.05  # upper bound of that distance [rad, m]
 BANDWIDTH = 1000.0
 WINDOW = 0.003  # bandwidth [1/s] and window [s] of the observer: 96 % of a step after 5 ms
 ACCELERATION_NOISE = 1.0  # σ of M⁻¹ r by speeds at that bandwidth [rad/s², m/s²], 10 µrad encoders
-LEVEL = 5.0  # σ from which an external torque stops the robot; a virtual FR3 reached 4.2 in 30 s
+LEVEL = 5.0
+"""Standard deviations from which an external torque stops the robot; a virtual FR3 at full speed
+reached 4.2 in 30 s of free motion."""
 LATE = 3.0  # periods without a sample after which data are stale; a jump of the robot's clock alike
 MODEL_ERROR = (0.006, 0.03, 0.5)
 """σ of the modelled torque of an arm that is not identified: 0.6 % of the effort limit, at least

@@ -237,7 +237,9 @@ FIRST = 4.0  # duration of the first motion that is tried [s]
 SHORTEST = 3.0  # shortest duration [s]: in less, small joints hardly move and two runs differ
 LONGEST = 120.0  # longest duration that is tried [s]
 ATTEMPTS = 8
-CLOSE = 1.15  # ratio of the shortest duration that suffices to the longest that does not at the end
+CLOSE = 1.15
+"""Ratio of the shortest duration that reaches the target to the longest that does not, at which the
+search ends."""
 PER_SECOND = 0.8  # harmonics per second of motion, up to the number of the settings
 FEWEST_HARMONICS = 3
 

@@ -25,7 +25,9 @@ from runtime.library import Library
 from runtime.recording import read_recording
 from runtime.recording.settings import COLUMNS
 
-HARMONICS = 8  # logs of virtual arms: better than 5, as 10 (`scripts/bench_excitation --designs`)
+HARMONICS = 8
+"""Default number of harmonics: logs of virtual arms give smaller errors than with 5, and the same
+as with 10 (`scripts/bench_excitation --designs`)."""
 DOCUMENT_HARMONICS = DesignSettings().harmonics  # that of the document's problem
 HARMONICS_HELP = (
     f"Number M of harmonics or splines per joint; default {HARMONICS}, with --settings "
@@ -37,7 +39,11 @@ MARGIN_HELP = (
     "else 1."
 )
 STARTS_FOR_PROCESSES = {True: 10, False: 4}
-"""Starts from which processes pay, by document mode: one takes 2 s to begin, a start 2 or 0.7 s."""
+"""Least number of starts for which several processes are faster than one, by document mode.
+
+A process takes two seconds to begin, as long as one start with all limits; a start in document mode
+takes a third of that.
+"""
 POSES = 12  # default number of poses
 OF_LIMITS = {"from_pose", *(field.name for field in fields(LimitChoices))} - {
     *("unchecked", "robot", "yes")

@@ -22,7 +22,10 @@ from runtime.outputs.report.report import write_report
 from runtime.recording import Preparation
 
 _WRITTEN = ("result.json", "predictions.npz", "identified.urdf", "report.html", FILE)
-_STALE = ("posterior.npz", "statistics.npz")  # of a result, void with other friction
+_STALE = (
+    "posterior.npz",
+    "statistics.npz",
+)  # files of a result that do not hold for other friction
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -24,7 +24,7 @@ from runtime.common.errors import RuntimeFault
 
 DRAFT = ".symgen."  # start of the names of incomplete files; a killed process leaves them behind
 LARGEST_DOCUMENT = 2**26  # largest document [bytes]; the largest written here has a few million
-LARGEST_JSON, LARGEST_TOML = 2**24, 2**22  # parsed text [characters]: lists take 60 times theirs
+LARGEST_JSON, LARGEST_TOML = 2**24, 2**22  # parsed text [characters]: lists take 60 times its size
 _DIGITS = 19  # largest number of digits of an integer that is read
 _KEY_PARTS = 32  # most parts of a dotted key; the time to read one grows with their square
 _KEY_LENGTH = 1000  # largest length of a key [characters]
@@ -142,7 +142,10 @@ def require_unused(
     option: str | None = "--out",
     consent: str = "--overwrite",
 ) -> None:
-    """Refuse to replace files unless `overwrite`; name the option of another place, the consent."""
+    """Refuse to replace existing files unless `overwrite` is set.
+
+    The sentence names the option of another place, if any, and the consent: how the user allows it.
+    """
     existing = [path for path in paths if os.path.lexists(path)]
     if existing and not overwrite:
         more = f" and {len(existing) - 1} more files exist" if existing[1:] else " exists"

@@ -52,7 +52,9 @@ EXPLAINS = 0.3  # part of the excess of T that one link must explain for single 
 OTHER = 0.35
 """Share of the torque of links that a prior misses from which on it is of another robot: 0.03 to
 0.13 for the URDFs of real logs, 0.26 for a tool of 1.5 kg that one of them lacks."""
-LEAST_DENSITY = 1e-4  # smallest S: exact data are compared as if their noise were 1 % of the unit
+LEAST_DENSITY = 1e-4
+"""Smallest S: data that are exact to rounding are compared as if their noise were one percent of
+the weighted unit, as in the maximum a posteriori."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +65,9 @@ class PriorTest:
     threshold: float  # value that T of a right prior seldom exceeds
     decrease: float  # largest decrease of T by the release of one link; 0 below T's threshold
     link_threshold: float  # value that it seldom exceeds where the prior of every link is right
-    links: tuple[str, ...]  # whose release explains the contradiction, likeliest first; or empty
+    # names of the links whose release explains the contradiction, the likeliest first; empty
+    # without contradiction, or where no single link explains it
+    links: tuple[str, ...]
     masses: tuple[tuple[float, float, float], ...]  # of these: prior, released, σ of the latter, kg
     scale: float  # least-squares factor between the measured torque and that of the prior
     # share of the torque of free bodies that the prior misses, friction being free,
@@ -170,7 +174,9 @@ VISIBLE = 0.10  # deviation of a torque gain that a log should show; joints abov
 LARGEST = np.radians(10.0)  # limit of an encoder zero or tilt from which a log is said to hide it
 CERTAIN = 3.0  # change of the mass of a released link over its σ from which on it is stated
 FOLLOWS = "; the result follows the data"  # end of a sentence on a wrong URDF or prior
-UNFITTED = 2.0  # misfit over the prior test's threshold, above which the method is the cause
+UNFITTED = 2.0
+"""Misfit of a result over the threshold of the test of the prior above which the method, and not
+the prior, is the cause."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -178,8 +184,8 @@ class ModelTests:
     """Results of all tests."""
 
     contradictions: tuple[str, ...] = ()  # sentence that doubts the result; empty if none
-    model_errors: tuple[str, ...] = ()  # sentences on a contradicted interval or URDF
-    limits: tuple[str, ...] = ()  # sentences on gains, encoder zeros, tilts without a trace
+    model_errors: tuple[str, ...] = ()  # what the data contradict while the result holds
+    limits: tuple[str, ...] = ()  # sentences on gains, encoder zeros, tilts that leave no trace
     causes: Causes = field(default_factory=Causes)  # compared; none where they were not tested
 
 

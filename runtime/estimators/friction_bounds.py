@@ -26,7 +26,9 @@ ROUNDS = 20  # limit of the number of solutions; two or three are usual
 BLOCKED = 5  # solutions after which one coefficient at a time is exchanged, which cannot cycle
 MULTIPLIER = 1e-9  # multiplier, relative to column times torque, below which it counts as zero
 
-NEGATIVE = 0.01  # torque of a negative coefficient over the joint's, from which its cause is stated
+NEGATIVE = 0.01
+"""Torque of a negative coefficient relative to that of the joint above which its cause is stated;
+below it is within the errors of friction models."""
 EVIDENCE = 0.05
 """Evidence for a coefficient above which its cause is stated. 1000 rows of 7 joints, a tenth of
 them effective, determine a coefficient to 0.04; correct simulated logs reach 0.017, those with a

@@ -24,7 +24,9 @@ class Linearised:
 
     step: Array  # Δ to its minimum, (p,)
     sigma: Array  # unit of a step per component, (p,); NaN where a component does not count
-    cost: Callable[[Array], float] | None = None  # of any x, weights of this x; None: plain steps
+    cost: Callable[[Array], float] | None = (
+        None  # of any x by the weights of this x; None: any step
+    )
     order: float = np.inf  # of the norm of a step over its unit
 
     def size(self, share: float = 1.0) -> float:
@@ -53,7 +55,10 @@ def gauss_newton(
     halvings: int = 0,
     takes_last: bool = True,
 ) -> Solution:
-    """Gauss–Newton from x (p,) to a step ≤ `done`, taken if takes_last, within most_step."""
+    """Minimise by Gauss–Newton from x, (p,), until a step has the size `done` or less.
+
+    most_step bounds every component; with takes_last the step that is small enough is taken, too.
+    """
     for count in range(1, passes + 1):
         last = linearise(x)
         if not takes_last and last.size() <= done:

@@ -21,9 +21,13 @@ class Method:
 
     name: str  # word by which a user selects it
     sentence: str  # what it is, for `--help`, tables and reports
-    fit: Callable[..., Fit]  # of a `Problem`; keywords `preset`, `prior` (`PriorFile`) if taken
+    # solves a `Problem`. It gets the keyword `preset` where `takes_preset` and the keyword `prior`,
+    # a `PriorFile` or None, where `takes_prior`
+    fit: Callable[..., Fit]
     label: str = ""  # heading of its column in tables; the name in capitals where empty
-    from_statistics: bool = False  # it needs no samples: streamed, several logs, no accelerations
+    # compressed statistics are all that it needs of the samples. It then takes streamed logs,
+    # several logs, and rows without accelerations
+    from_statistics: bool = False
     bounds_friction: bool = False  # its viscous, Coulomb and rotor coefficients are ≥ 0
     every_joint: bool = False  # needs an equation per joint, not the power of all joints
     uses_validation: bool = False  # stops or chooses by the validation part, not trained on
@@ -37,7 +41,9 @@ class Method:
     when_recommended: str = ""  # half a sentence that follows where a comparison recommends it
     takes_preset: bool = False  # has settings to choose from
     takes_prior: bool = False  # uses a file of inertial priors
-    is_most_probable: bool = False  # under the inertial prior, so that it centres the posterior
+    # returns the most probable model under the inertial prior, so that the posterior is centred at
+    # its answer
+    is_most_probable: bool = False
     # whether a preset (a name, settings or None) draws samples one by one; None where no preset
     # does
     in_batches: Callable[[Any], bool] | None = None

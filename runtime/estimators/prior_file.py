@@ -241,8 +241,12 @@ class PriorFile:
 
     kappa: float | None  # trust κ in the URDF; None where the file does not state it
     constraints: Constraints  # linear priors
-    armature: Array | None = None  # of rotors and σ, (n, 2) [kg·m², kg], ∞ without; None: unstated
-    centre: Array | None = None  # π0 of the type, (10 n,), in place of the URDF's; None: unstated
+    # rotor inertia and its standard deviation per joint, (n, 2) [kg·m², kg], infinite without a
+    # prior; None where the file states none
+    armature: Array | None = None
+    # π0 of the type of robot, (10 n,) [kg, kg·m, kg·m²], in place of the URDF's; None where the
+    # file states none
+    centre: Array | None = None
     friction: KnownFriction | None = None  # friction coefficients of the type; None if not stated
     units: int = 0  # number of units of the fleet that the prior was computed from; 0 for none
     noise: NoiseFloor | None = None  # least torque noise of the type; None if not stated

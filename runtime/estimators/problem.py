@@ -96,7 +96,8 @@ class Problem:
     # only some of them
     pieces: Callable[[str], Iterable[Samples]] | None = None
     terms: Friction | None = None  # friction columns
-    # of the k columns of the samples; several logs have an offset column each beyond `terms`
+    # names of the k columns of the samples; those of several logs have an offset column per log
+    # beyond `terms`
     column_names: tuple[str, ...] = ()
     left_out: Mask | None = None
     friction_prior: FrictionPrior | None = None  # of φ, for map
@@ -153,7 +154,9 @@ class Fit:
     statistics: Statistics | None = None  # of the training samples with these weights
     coloured_noise: ColouredNoise | None = None  # with these weights, where it is estimated
     learned: Learned | None = None  # friction beyond φ, where the method learned one
-    unrepaired: float | None = None  # least relative eigenvalue before thin axes were raised, if so
+    # smallest relative eigenvalue of the links before thin axes were raised; None where the method
+    # raises none
+    unrepaired: float | None = None
 
     def noise(self) -> tuple[Array, ColouredNoise]:
         """Diagonal of W (n,) and noise of the weighted rows, of a method that estimates both."""

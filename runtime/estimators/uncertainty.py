@@ -87,7 +87,9 @@ class Uncertainty:
     inflation: float  # N / N_eff, 1 for white noise
     white: Array  # share of lags, per joint, with an autocorrelation of white noise, (n,)
     rank: int  # number of directions of β that the motion excites, of n_b
-    determined: int  # directions of π in which data have ten times the prior's information
+    # number of directions of π in which the data carry ten times the information of the prior, at
+    # most n_b
+    determined: int
     conditioning: float  # weakest over strongest excited direction
     information: LogInformation | None = None  # source of the posterior; None if not kept
     tests: ModelTests = field(default_factory=ModelTests)  # contradictions, and what is not shown
@@ -220,7 +222,10 @@ def uncertainty_of(
     gain_sigma: float = 0.0,
     delay: Callable[[], tuple[float, float] | None] | None = None,
 ) -> Uncertainty:
-    """Uncertainty by any method; gain_sigma: relative, of gains; delay: as in `model_tests`."""
+    """Uncertainty of an identified model, by any method.
+
+    gain_sigma: expected relative σ of every torque gain. delay: as `model_tests` takes it.
+    """
     rest = residuals(lib, samples, pi, phi)
     coloured = coloured_noise
     if statistics is None or coloured is None:

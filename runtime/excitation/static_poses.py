@@ -249,7 +249,10 @@ def pose_json(designed: PoseDesign, lib: Library) -> bytes:
 
 
 def pose_table(designed: PoseDesign, lib: Library) -> bytes:
-    """CSV, two rows per pose (below, above): pose from 0, side, approach's start, pose [rad, m]."""
+    """CSV with two rows per pose: from below and from above.
+
+    Columns: pose (from 0), side, the start of the approach per joint, the pose per joint [rad, m].
+    """
     names = lib.joint_names
     lines = [",".join(["pose", "side", *(f"{name}_start" for name in names), *names])]
     for k, q in enumerate(designed.poses):

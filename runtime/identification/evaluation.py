@@ -170,7 +170,8 @@ class MassAudit:
     least_eigenvalue: float  # smallest one by the search, an upper bound of the minimum
     at: tuple[float, ...]  # (n,) position of it [rad, m]
     samples: int  # number of uniform positions N
-    # 95 % bound of the share of the box with an eigenvalue ≤ 0; 0 by a proof, None if one was found
+    # bound of the share of the box with an eigenvalue of at most 0, with 95 % confidence; 0 with a
+    # proof, None where the search found such a position
     violated_share_95: float | None
 
     @property

@@ -204,7 +204,10 @@ class Identification(Framed):
 
     @property
     def gap(self) -> float:
-        """(L − L*)/L* by the convex optimum in training, at least 1e-9 of the loss of τ̂ = 0."""
+        """(L − L*)/L* against the convex optimum L*, both on the training samples.
+
+        Where the data are explained to rounding, L* is replaced by 1e-9 of the loss of τ̂ = 0.
+        """
         return (self.loss - self.optimum) / max(self.optimum, 1e-9 * self.zero_loss)
 
     @property

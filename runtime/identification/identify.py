@@ -260,7 +260,10 @@ def _prepared_logs(
     usable: tuple[str, ...],
     progress: Progress,
 ) -> list[PreparedLog]:
-    """Logs with the first's friction model, regressor, gains of currents, and each its cut-off."""
+    """The logs with what is chosen from them.
+
+    Friction model, regressor and gains of currents come from the first log, a cut-off from each.
+    """
     if len(named) == 1 and (settings.delay is not None or settings.encoder_bias):
         # The result states Coulomb friction per drive.
         usable = without_memory(usable)
@@ -390,7 +393,10 @@ def without_drives(
     settings: Settings,
     progress: Progress = SILENT,
 ) -> tuple[list[PreparedLog], list[DriveFit], list[str]]:
-    """Logs without delays and biases, each by the friction model of the first; both; notes."""
+    """The logs without delays of torques and biases of encoders; both; notes.
+
+    They are estimated from every log alone, with the friction model of the first.
+    """
     delay, has_bias = settings.delay, bool(settings.encoder_bias)
     request = DriveRequest(delay in {AUTO, PER_JOINT}, delay == PER_JOINT, has_bias)
     if not (request.delay or request.bias):

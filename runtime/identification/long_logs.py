@@ -62,13 +62,16 @@ class Blocks:
     terms: Friction  # friction columns
     overlap: int  # rows on either side that are prepared and discarded
     edges: tuple[int, ...]  # first row of each block, then one past the last row
-    instants: Array  # t [s] of these rows; at the ends those of the prepared rows that count, or ±∞
+    # t [s] of these rows; at the ends those of the first and the last prepared row that is kept, or
+    # −∞ and ∞
+    instants: Array
     half_step: float  # half of the time step [s]; edges lie between two rows
     spool: Spool  # temporary file of prepared rows
     kept: dict[int, "_Kept | None"] = field(default_factory=dict)  # block → place; None at rest
     span: tuple[float, float] = (-np.inf, np.inf)  # ends of the prepared rows of the part [s]
     first: float = -np.inf  # first instant of the blocks [s]; a training part may have others
-    states: dict[int, Array] = field(default_factory=dict)  # block → columns at its start, (n, m)
+    # index of a block → columns with a memory at its first row, by the block before, (n, m)
+    states: dict[int, Array] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.edges) - 1
@@ -165,7 +168,10 @@ class _Memory:
 def _memory(
     whole: Recording, terms: Friction, rows: Integers, first: int, last: int
 ) -> _Memory | None:
-    """Memory of rows `first` to before `last` of `whole`, some of which it keeps, or None."""
+    """Memory of a block, the rows from `first` to before `last` of `whole`, of which it keeps some.
+
+    None without a column that has a memory.
+    """
     names, columns = whole.column_names, whole.columns
     places = [k for k, each in enumerate(names) if each in COLUMNS and COLUMNS[each].has_memory]
     if columns is None or not places or first >= len(whole):

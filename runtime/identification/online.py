@@ -23,7 +23,9 @@ from runtime.identification.expected_accuracy import expected as accuracy
 from runtime.library import Array, Library
 from runtime.library.compiled_descent import CompiledConvex, ConvexTask
 
-DECREMENT, MOST_STEPS = 1e-12, 50  # of Newton, in units of γ, 1e-5 σ from the minimum; and steps
+DECREMENT, MOST_STEPS = 1e-12, 50
+"""Newton's tolerance in units of γ, 1e-5 of a standard deviation from the minimum, and its limit of
+steps."""
 PERFECT = 1e-12  # squared noise over squared torque below which data count as exact
 
 

@@ -196,7 +196,10 @@ def chosen_filter(
 def filter_for_accelerations(
     recording: Recording, lib: Library, cutoff: float | None, rate: float | None
 ) -> tuple[Preparation | None, tuple[str, ...]]:
-    """`chosen_filter` for rows of accelerations: with harmless noise, or a note on it."""
+    """As `chosen_filter`, for fits that take no rows but those of accelerations.
+
+    A chosen cut-off is lowered to harmless noise of accelerations; a note states other noise.
+    """
     wanted = Settings(cutoff=cutoff, rate=rate)
     prepared, notes, _ = chosen_filter(recording, lib, wanted)
     quality = differentiation_of(recording, lib, prepared) if prepared and notes else None

@@ -40,7 +40,9 @@ UNEXPLAINED = 20.0
 """Overall error [%] above which the cause is not the method: all real logs that were tried end
 below 10 % once units, filter and friction are right."""
 RETRACED = 0.8  # share of test rows near a training row above which the test is no new motion
-_NEAR = 0.05  # largest difference, over its range in training, of equal rows: controllers err 1 %
+_NEAR = 0.05
+"""Largest difference of a position or speed, over its range in training, of rows that count as
+equal: controllers repeat a motion within 1 %."""
 _TEST_ROWS, _TRAINING_ROWS = 100, 1000  # compared; a joint moves by 1 % of its range between
 
 

@@ -59,7 +59,10 @@ def parameter_columns(links: Sequence[str], **values: Any) -> dict[str, list[Any
 
 
 def share_table(record: ResultRecord) -> Table | None:
-    """Errors of URDF, URDF with friction, result: shares of friction and inertia; None without."""
+    """Errors of the URDF, of the URDF with friction, and of the result; None without friction.
+
+    The step from the first to the second row is the share of friction, the rest that of inertia.
+    """
     shares = record.torque_error_percent
     if shares.urdf_friction_overall is None:
         return None

@@ -146,7 +146,10 @@ def identify_recording(
     progress: Callable[[int, float], None] | Progress | None = None,
     **keywords: Any,
 ) -> Identification:
-    """Identify π, and φ of stated columns, from any log; `refit` False: the training part only."""
+    """Identify π, and φ of stated friction columns, from any log; nothing else is chosen.
+
+    Keywords alone fit the training part only (`refit` False), as a Monte Carlo study needs it.
+    """
     chosen = settings_for(lib, bare_settings(settings, keywords))
     method = chosen_method(chosen.method, chosen.preset, chosen.prior)
     joins = not METHODS[method].uses_validation

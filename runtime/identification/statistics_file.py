@@ -36,7 +36,9 @@ from runtime.recording.settings import WIDTHS, Friction
 FILE = "statistics.npz"
 FORMAT = 1  # version of the file; a later one is refused
 MARK = "symgen_statistics"  # key of the version, by which the file is recognised
-LARGEST_ACCEPTED = 1e100  # a number of this size [SI] is damage: products overflow beyond
+LARGEST_ACCEPTED = 1e100
+"""Size from which on a number is damage [SI]: its square times that of another overflows, and
+matplotlib cannot draw much larger ones."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +52,9 @@ class UnitStatistics:
     joints: tuple[str, ...]  # names of its joints, (n,)
     widths: tuple[float, float, float]  # of columns, in the order of `WIDTHS` [rad/s, rad/s, rad]
     columns: tuple[str, ...] = ()  # k friction columns of a joint; offsets of logs repeat
-    noise: Array | None = None  # σ that weights the samples, (n,) [N·m, N]; None if not of torque
+    # standard deviation of the torque per joint that the samples are weighted by, (n,) [N·m, N];
+    # None of a regressor that is not that of the torque, and of older files
+    noise: Array | None = None
 
     @property
     def shared(self) -> tuple[str, ...]:

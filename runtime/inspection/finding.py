@@ -18,7 +18,9 @@ class Finding(Shown):
     """Property of a log to note or to correct."""
 
     kind: str  # short name of the check's result, stable between versions
-    level: str  # error (numbers mean something else), warning (to be decided or corrected), info
+    # error (the numbers have another meaning than assumed), warning (to be decided or corrected),
+    # info
+    level: str
     sentence: str  # what was measured, what it means, what to do
     evidence: dict[str, Any] = field(default_factory=dict)  # the numbers, JSON-ready
 

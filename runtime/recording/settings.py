@@ -37,7 +37,9 @@ class FrictionColumn:
     sentence: str  # its equation
     function: "Callable[[JointMotion, Friction], Array]"  # motion (N, n), widths → (N, n)
     widths: tuple[str, ...] = ()  # names of the widths of `Friction` that it depends on
-    signals: tuple[str, ...] = ()  # beside the motion: of the recipe's [extra], or of `DERIVED`
+    # names of the signals of a log that it needs beside the motion: those of [extra] in the recipe,
+    # or of `runtime.recording.recording.DERIVED`
+    signals: tuple[str, ...] = ()
     is_linear: bool = False  # in q, dq and ddq, so that it may follow linear filters
     is_constant: bool = False  # independent of the motion
     is_passive: bool = True  # takes power from the joint wherever φ ≥ 0
@@ -46,11 +48,15 @@ class FrictionColumn:
     is_shared: bool = False  # one coefficient for all joints; a torque on each of them
     has_memory: bool = False  # depends on the path, not on the present motion alone
     takes_memory: bool = False  # depends on the path, too, where a column beside it does
-    is_torque: bool = False  # of the log itself; fits take the model's torque (`single_log`)
+    # the torque of the log itself; fits take that of the model instead
+    # (`runtime.identification.single_log`)
+    is_torque: bool = False
     needs_prior: bool = False  # its scale is that of the inertial prior, which is needed
     prior_sigma: float = inf  # standard deviation of φ about 0 without a log
     of_motors: bool = False  # of motors that drive several joints (`coupled_motors`)
-    model_term: str = ""  # of simulators' joints: "damping", "friction" (dry), "armature", or ""
+    # term of simulators' joints that it stands for: "damping", "friction" (dry), "armature"; ""
+    # where they have none
+    model_term: str = ""
     in_closed_loop: bool = False  # the compiled closed loop has it, under this name
     # speed (n,) and ε → column/dq (n,) and constant part (n,), for the Kalman filters; None where
     # they cannot use it

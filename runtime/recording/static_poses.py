@@ -19,7 +19,9 @@ WINDOW_S = 0.1  # time before and after a row over which its speed is computed [
 LEAST_S = 0.2  # shortest rest [s]
 APPROACH_S = 0.5  # time before a rest whose motion gives the side of the approach [s]
 LEAST_TRAVEL = 2e-3  # of every joint on an approach [rad, m]: above a servo encoder's counts
-SAME = 0.01  # distance of two visits of a pose [rad, m]: friction's error, far below an approach
+SAME = 0.01
+"""Largest distance of two visits of one pose [rad, m]: the error of a controller against friction,
+and far below the length of an approach."""
 SHARE = 0.3  # share of the log that the arm rests, below which the log is one of motion
 FEWEST_PAIRS = 3  # number of pairs from which on a log is one of poses
 

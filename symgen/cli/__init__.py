@@ -70,7 +70,10 @@ def installation(extra: str) -> str:
 
 @contextmanager
 def lasting_interrupts() -> Iterator[None]:
-    """Raise KeyboardInterrupt between calls of CasADi, in the main thread if Ctrl-C is on."""
+    """Raise KeyboardInterrupt between calls of CasADi, never within one.
+
+    Nothing changes in other threads than the main one, or where Ctrl-C is ignored.
+    """
     is_main = threading.current_thread() is threading.main_thread()
     before = signal.getsignal(signal.SIGINT)
     can_repeat = hasattr(signal, "pthread_kill")  # Windows cannot

@@ -43,7 +43,10 @@ class SampledBase:
         return [describe_combination(names, list(row)) for row in self.parameters.matrix]
 
     def factor(self, beta: Array) -> Array:
-        """R (n_b, n_b): ‖R Δβ‖² = mean of (Δτ_j / τ_rms,j)², else wrists would not count."""
+        """R (n_b, n_b) with ‖R Δβ‖² = mean over states and joints of (Δτ_j / τ_rms,j)².
+
+        A torque is weighted relative to that of its joint under β, else a wrist would not count.
+        """
         rms = np.sqrt(np.mean((self.rows @ beta) ** 2, axis=0))  # (n,)
         weights = 1 / np.maximum(rms, 1e-3 * max(float(rms.max()), 1e-12))
         weighted = (self.rows * weights[None, :, None]).reshape(-1, len(beta))

@@ -50,7 +50,10 @@ class PlantedFault:
 
 
 class VirtualDriver(Driver):
-    """A simulated robot, seeds as in `simulation.record`; `held` (10 n,) is added to the links."""
+    """A simulated robot, with seeds of its noise and of itself as in `runtime.simulation.record`.
+
+    `held` are parameters added to those of the links, such as a payload's, (10 n,).
+    """
 
     def __init__(
         self,

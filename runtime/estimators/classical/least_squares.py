@@ -25,7 +25,9 @@ from runtime.library.parameters import links, mass
 from runtime.recording.settings import COLUMNS, FrictionColumn
 
 PASSES = 4  # passes of reweighting, the first with equal weights
-SILENT = 1e-12  # variance over the largest, below which a joint's residual and weight are rounding
+SILENT = 1e-12
+"""Variance, relative to the largest, below which the residual of a joint is rounding: a weight
+from rounding would outweigh all other joints."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

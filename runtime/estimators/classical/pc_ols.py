@@ -31,7 +31,7 @@ SLACK = 1e-3
 """Relative loss above the optimum admitted for staying near the first guess. The optimum itself is
 often implausible: for a poorly excited arm of 16 kg it had links of 1400 kg at 1e-5."""
 BOUNDARY = 1e-6  # relative eigenvalue below which a link of the optimum is a plate or a rod
-LARGEST_WEIGHT = 4.0  # mean tr(P0⁻¹ P)/4 per link up to which the path certifies; 1: prior
+LARGEST_WEIGHT = 4.0  # mean tr(P0⁻¹ P)/4 per link up to which the path certifies; 1 is the prior
 FINER, MORE_STEPS = 4.0, 200  # ratio and steps per γ of the second attempt at a path
 _SVEC = tuple((i, j) for j in range(4) for i in range(j + 1))
 
@@ -43,7 +43,8 @@ class ConvexOptimum:
     loss: float  # L at the optimum, (1/N) Σ ½ rᵀWr
     pi: Array  # pi, phi: a point that reaches it, (10 n,) and (n k,)
     phi: Array
-    # L − L* is at most this among models of no larger Σ tr(P0_k⁻¹ P_k); NaN from Clarabel (1e-10)
+    # certificate: L − L* is at most this among models of no larger Σ tr(P0_k⁻¹ P_k); NaN from
+    # Clarabel, which stops at 1e-10 of ‖r‖
     gap: float
     status: str  # how it was computed
 
@@ -54,7 +55,10 @@ def convex_optimum(
     first_guess: Array | None = None,
     bounds: Bounds | None = None,
 ) -> ConvexOptimum:
-    """Smallest loss of a consistent model: by the path, or Clarabel where that drifts off."""
+    """Smallest loss of any physically consistent model, by the path from a first guess.
+
+    Where the path drifts to implausible bodies its certificate is weak, and Clarabel solves it.
+    """
 
     def solved(part: Statistics) -> tuple[Array, Array, ConvexOptimum]:
         best = _best(lib, part, _followed(lib, part, first_guess))

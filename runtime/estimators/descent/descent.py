@@ -30,8 +30,12 @@ from runtime.library.compiled_descent import (
 )
 
 NEWTON_STEPS = 600  # most Newton steps; usual are 10 to 60, 400 at links on the boundary
-DECREASE = 1e-8  # relative decrease of L at convergence, within 1e-6 of its minimum; noise is 1/√N
-DIFFERENCE = 1e-5  # step over the coordinate, which is 1e-3 at least; J is then exact to 1e-10
+DECREASE = 1e-8
+"""Predicted decrease of L, relative, below which the descent has converged. The loss is then within
+some 1e-6 of its minimum, while noise moves it by 1/√N."""
+DIFFERENCE = 1e-5
+"""Step of central differences, relative to the coordinate, which counts as 1e-3 at least. The error
+of J is then 1e-10."""
 ARMIJO = 1e-4  # share of the predicted decrease that a step must reach
 _LEAST = 1e-14  # smallest curvature, relative to the largest
 _HALVINGS = 30

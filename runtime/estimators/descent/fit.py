@@ -59,7 +59,9 @@ class Watch:
     """Observer of running descents."""
 
     every: int  # iterations between two calls
-    seen: Callable[[int, list[Array]], None]  # gets iterations, x of every descent, ended or not
+    # called with the iterations done and the current x of every descent; where one has ended it
+    # stays at its last iterate
+    seen: Callable[[int, list[Array]], None]
 
 
 def descend(descent: Descent, preset: Preset) -> Outcome:
@@ -199,7 +201,10 @@ def fit_adam(problem: Problem, preset: str | Preset | None = None) -> Fit:
 
 
 def fit_levenberg(problem: Problem, cholesky: bool = False) -> Fit:
-    """Levenberg–Marquardt in λ or log-Cholesky θ; Newton goes on at the boundary of consistency."""
+    """Descend by Levenberg–Marquardt, in λ or in log-Cholesky coordinates of the bodies.
+
+    Where it stops short of an optimum on the boundary of consistency Newton's method goes on.
+    """
     descent = start_of(problem, cholesky)
     outcome = levenberg_descend(descent, LevenbergOptions())
     if outcome.status in {Status.MAX_ITERATIONS, Status.STALLED}:

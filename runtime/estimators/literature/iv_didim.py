@@ -56,7 +56,9 @@ from runtime.simulation.plant import per_joint
 CONVERGED = 1e-3  # relative step of the normalised unknowns at which both methods stop
 IV_ITERATIONS = 6
 DIDIM_ITERATIONS = 8  # limits of the number of simulations
-UNCERTAIN = 0.1  # σ of predicted over measured torque, from which instruments are rejected
+UNCERTAIN = 0.1
+"""Standard deviation of the predicted torque, relative to that of the measured torque, from which
+an estimate by instruments is rejected."""
 _BLOCK = 4096  # samples whose regressor is held at a time
 _SIMULATED = names_where(lambda column: column.in_closed_loop)
 

@@ -51,7 +51,7 @@ from runtime.recording.settings import COLUMNS, names_where
 
 STATE_COLUMNS = names_where(lambda column: column.secant is not None)
 SLOWEST = 200.0  # rate, Hz, below which a step of a filter is too long for the friction of a wrist
-LEAST_NOISE = (1e-6, 1e-3)  # least σ of position and torque; filters diverge below
+LEAST_NOISE = (1e-6, 1e-3)  # least σ of position [rad, m] and torque [N·m]; filters diverge below
 FIRST_FRICTION = 0.3  # viscous and Coulomb friction at the start, and its σ, N·m (s/rad)
 LAM_FLOOR = lam_from_parts(log_mass=0.3, centre=0.02, rotation=0.3, axes=0.02)
 """Least |λ| for the relative standard deviation of the first guess."""

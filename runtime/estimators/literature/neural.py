@@ -26,7 +26,7 @@ UNITS = 4
 DECAYS = (1e-4, 1e-3, 1e-2)  # candidates of α; validation chooses among them
 STEPS = 60  # limit of steps per net, accepted or not
 _FLAT = 1e-6  # relative decrease of the loss below which training stops
-_FIRST_DAMPING, _LARGEST_DAMPING = 1e-2, 1e10  # over diag(JᵀJ); none is tried beyond
+_FIRST_DAMPING, _LARGEST_DAMPING = 1e-2, 1e10  # first and last damping over diag(JᵀJ)
 ROUNDS = 2
 INPUTS = ("viscous", "coulomb", "dahl")  # friction columns that are inputs of the nets by default
 

@@ -36,15 +36,21 @@ GAIN, DELAY, ZERO, TILT, OFFSET = "gain", "delay", "zero", "tilt", "offset"
 USABLE = {GAIN: 0.03, DELAY: 0.03}
 """Share of the torque that a cause makes, up to which a model predicts torques though its
 parameters took up a part of it: 3 % at the joint that carries the arm, 11 % at a wrist, 10 ms."""
-POSES = 0.10  # of encoder zeros, tilts, offsets: a KUKA LWR 4+ has 3.5 % of the torque by a 2° tilt
+POSES = 0.10
+"""The same of encoder zeros, tilts and offsets: the log of a KUKA LWR 4+ has residuals of a tilt of
+2°, 3.5 % of the torque."""
 LEAST_S = 0.5e-3
 """Delay [s] below which its bias is within the intervals: at 3 ms, 14 % of those of the worst
 parameter hold, and the bias is proportional to the delay."""
 USUAL_GAIN = 0.003  # usual error of a torque gain: sessions of one arm differ by as much
 SCALE = 3.0  # factor beyond which, or below its inverse, a gain is not that of a torque constant
 LARGEST = {ZERO: np.pi / 2, TILT: np.pi}  # [rad], from which the derivative at 0 fails
-NOTICED = 1.645  # 95 % quantile: an error so many σ above a threshold is seen in 95 of 100 logs
-GROWTH = 1.4  # by which an error at the limit raises its own σ through the weights: 1.2 to 1.42
+NOTICED = 1.645
+"""95 % quantile of the normal distribution: an error so many σ above the threshold is seen in 95 of
+100 logs."""
+GROWTH = 1.4
+"""Factor by which an error at the limit raises its own σ, measured 1.2 to 1.42: the weights follow
+the residuals, which contain a part of it."""
 ALIKE = 4.0  # T below that of the best cause up to which another one is named beside it
 _STEP = 1e-5
 
@@ -102,7 +108,10 @@ class Causes:
         return tuple(c for b in best for c in self.ranked if c.statistic > b.statistic - ALIKE)
 
     def with_delay(self, size: float, sigma: float) -> "Causes":
-        """The causes with a delay by its profile [s]; one of 0, unlike its column's: a misfit."""
+        """The causes with a delay by its profile [s].
+
+        A delay that is 0 by the profile, and not what its column has, is another misfit.
+        """
 
         def by_profile(cause: Cause) -> Cause:
             if cause.kind != DELAY or not cause.size:

@@ -107,7 +107,10 @@ def coloured_noise_of_basis(
 
 
 def shares_of_basis(q: Array) -> tuple[Array, ...]:
-    """Share of each frequency that a fit takes up, q (N, n, p) → (N_i, n); a sum over columns."""
+    """Share of every frequency that a fit takes up; those of orthogonal columns add up.
+
+    q (N, n, p) → (N_i, n).
+    """
     return tuple(_taken_up(q[rows]) for rows in _pieces(len(q), 1))
 
 

@@ -35,7 +35,9 @@ EXPLAINED = 1e-9  # remainder of a column of length one below which other column
 class Statistics:
     """Compressed samples of one robot: all that least squares needs of them."""
 
-    factor: Array  # R over [β; φ], (p, p), p = n_b + n k; with φ first it is upper triangular
+    # R over [β; φ], (p, p), p = n_b + n k; friction φ joint by joint. With the columns of φ first
+    # it is upper triangular with a diagonal ≥ 0
+    factor: Array
     target: Array  # r, (p,)
     rest: NotNegative  # ρ, the part that no parameters explain
     n_samples: Positive  # N, or the sum of the sample weights
@@ -74,7 +76,10 @@ class Statistics:
         return np.asarray(np.linalg.norm(rest, axis=0) <= EXPLAINED)
 
     def condition(self) -> float | None:
-        """Condition number at length one; None if singular. Rotors in links are not unknowns."""
+        """Condition number of the columns at length one; None where the matrix is singular.
+
+        Rotors and motors that count into links are not separate unknowns.
+        """
         kept = np.concatenate([np.ones(self.n_base, dtype=bool), ~self.explained()])
         sigma = np.linalg.svd(self.unit_columns()[0][:, kept], compute_uv=False)
         return float(sigma[0] / sigma[-1]) if sigma[-1] > 1e-14 * sigma[0] else None

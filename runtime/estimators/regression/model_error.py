@@ -219,7 +219,7 @@ SLOW = 0.06  # speed at which friction that grows with load has nearly its whole
 KINDS = np.repeat([0, 1], [5, 4])
 """Kind of every shape, each with its λ: 0 of the posture (q, sin q, cos q, sin 2q, cos 2q), 1 of
 friction (load, bend over the speed, peak at low speed, stroke of the memory)."""
-USUAL_SIZE, DOUBT = 0.003, 1.0  # expected common λ over the joint's range, σ of its ln
+USUAL_SIZE, DOUBT = 0.003, 1.0  # expected common λ over the joint's range, and σ of ln λ
 MOST, STEP = 0.02, 1.6
 """Largest λ over the range of the joint, and ratio of candidates: q hardly differs from sin q where
 a joint moves little, and would leave both of them open."""
@@ -305,7 +305,10 @@ def nuisance_of(lib: Library, fit: FreeFit, pi: Array, density: float) -> Nuisan
 
 
 def with_model_error(lib: Library, fit: FreeFit, pi: Array, density: float, root: Array) -> Array:
-    """Root (p, m) of the covariance with scatter and nuisance torque, by noise's (p, r)."""
+    """Root of the covariance of the unknowns of a fit with scatter of blocks and nuisance torque.
+
+    root of that by noise alone (p, r) → (p, m).
+    """
     torque = nuisance_of(lib, fit, pi, density)
     rest = fit.rest.reshape(torque.mean.shape) - torque.mean
     sizes, axes = np.linalg.eigh(scatter(fit.samples, fit.basis, rest, density))
@@ -338,7 +341,10 @@ def common_size(gram: Array, z: Array, density: float, expected: float) -> float
 
 
 def nuisance_sizes(grams: Array, scores: Array, density: float, ranges: Array) -> Array:
-    """√E[λ² | z] of all shapes (n, m) [N·m, N]: Gram (n, m, m), scores (n, m), ranges (n,)."""
+    """√E[λ² | z] of the shapes of all joints, (n, m) [N·m, N].
+
+    Gram matrices (n, m, m), scores (n, m), ranges (n,) [N·m, N] of the joints.
+    """
     joints = zip(grams, scores, ranges, strict=True)
     each = np.array([_likelihoods(g, z, density, SIZES * most) for g, z, most in joints])
     # Probabilities of the sizes for every size in common, (sizes in common, sizes).
@@ -387,7 +393,9 @@ class ModelError:
     """What the posterior of a fit gains beside its noise."""
 
     statistics: Statistics  # rows over (V / S)^½
-    slopes: Array  # Σ Xᵀ W N λ; (XᵀWX)⁻¹ times it: root of nuisance covariance, (n_b + n k, m)
+    # Σ Xᵀ W N λ over all samples, whose product with (XᵀWX)⁻¹ is a root of the covariance of
+    # nuisance torque, (n_b + n k, m)
+    slopes: Array
     gains: int = 0  # number of the last of them, those of torque gains
     gain_sigma: float = 0.0  # their relative σ by the residual
 
@@ -395,7 +403,10 @@ class ModelError:
 def model_error_of(
     lib: Library, fit: FreeFit | None, pi: Array, statistics: Statistics, gain_sigma: float = 0.0
 ) -> ModelError:
-    """Model error in the information of a fit, by a free fit to some samples; σ of gains."""
+    """Error of the model in the information of a fit, from a free fit to some of its samples.
+
+    gain_sigma: expected relative σ of every torque gain.
+    """
     size = len(statistics.target)
     none = ModelError(statistics, np.zeros((size, 0)))
     if fit is None or len(fit.root) != size:

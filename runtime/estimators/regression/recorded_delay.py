@@ -45,7 +45,7 @@ from runtime.recording.recipes.recipe import COMMANDED
 
 PASSES = 2  # passes in which the weights of the joints follow their residuals at the best delay
 FLAT_S = 0.09  # width of the 99.9 % interval from which on the profile is flat [s]
-ROWS, COARSE_ROWS = 900, 300  # of the profile, some hundred independent; coarse search
+ROWS, COARSE_ROWS = 900, 300  # rows of the profile (some hundred independent), of the coarse search
 FEWEST_ROWS = 100  # rows below which no delay is estimated
 STEP_S = 0.002  # step of the delays that are tried [s]; a parabola resolves fractions of it
 LATEST_S, EARLIEST_S = 0.15, 0.03
@@ -71,8 +71,12 @@ class DelayProfile:
     loss: Array  # L(δ) − min L, (M,); 1.92 at the ends of the interval
     best: float  # δ̂, least point of a parabola through the three lowest losses [s]
     interval: tuple[float, float]  # first and last δ within the interval [s]
-    gain: float  # share of r² at the delay of the preparation, else at none, that δ̂ removes
-    sign: float = 1.0  # of δ = sign · d: −1 of a command that acts later, 1 of a late measurement
+    # share of the squared residual at the delay of the preparation, else at none, that δ̂ removes:
+    # geometric mean of the joints
+    gain: float
+    # of the delay d in δ = sign · d: −1 for a commanded torque, which acts later than it is
+    # stamped, 1 for a measured one, which is stamped later than it acts
+    sign: float = 1.0
 
     @property
     def delay_s(self) -> float:
@@ -119,7 +123,10 @@ def recorded_delay(
     *,
     has_gains: bool = True,
 ) -> DelayProfile:
-    """Profile of the loss over the delay, to `reach_s`; without gains joints share nothing."""
+    """Profile of the loss over the delay of a recording, to `reach_s` of a measured torque.
+
+    Without gains (`has_gains` False) the joints share no parameters.
+    """
     usual = filtered(recording, preparation)
     commanded = recording.torque_source == COMMANDED
     if usual.cutoff_hz:  # between rows, interpolation damps noise near the Nyquist frequency

@@ -130,7 +130,10 @@ class Samples:
 
 
 def samples_of(recording: Recording, lib: Library) -> Samples:
-    """Samples of a complete, finite log of this robot, τ without springs and other known parts."""
+    """Samples of a recording that is complete, finite and of this robot.
+
+    Their τ is without the torque of springs and other known parts.
+    """
     n = lib.n_joints
     if recording.has_unknown_gains:
         raise IdentificationError(
@@ -171,7 +174,10 @@ def residuals(lib: Library, samples: Samples, pi: Array, phi: Array) -> Array:
 
 
 def noise(rest: Array, lib: Library, n_phi: int, inflation: float = 1.0) -> Array:
-    """Noise s_j (n,): RMS residual; each unknown absorbs the noise of `inflation` rows."""
+    """Noise s_j per joint, (n,): RMS of the residual, corrected for what the unknowns absorb.
+
+    Each unknown absorbs the noise of one independent sample, `inflation` times that of a row.
+    """
     used = inflation * (len(lib.base_columns) + n_phi) / rest.shape[1]
     return np.asarray(np.sqrt(_power(rest) / max(len(rest) - used, 1.0)))
 

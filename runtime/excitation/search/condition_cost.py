@@ -17,7 +17,11 @@ from runtime.library.compiled_programs import CompiledExcitation
 
 COST_SAMPLES = 80  # samples of the cost over the whole duration (document Sec. 3.4.2)
 INFORMED_SAMPLES = 240
-"""Samples of a cost of noise and friction: v over 1000 samples is 2 % larger, with 80 a quarter."""
+"""Samples of a cost that counts noise and friction, over the whole duration.
+
+With 80 the search finds motions that are good at these samples: the expected torque error of a
+design for criterion a was a quarter larger over 1000 samples than over 80. With 240 it is 2 %.
+"""
 _CHUNK = 16  # trajectories per batch: their regressors stay in the cache
 
 

@@ -65,7 +65,10 @@ def solve(
 
 
 class LinearRows:
-    """Rows A x ≤ b, used from their first violation on; neighbours on a grid are adjacent."""
+    """Rows A x ≤ b, far more than are ever active: a row is used from its first violation on.
+
+    Rows that are neighbours on a grid stand next to each other.
+    """
 
     def __init__(self, matrix: Array, bound: Array) -> None:
         self.matrix, self.bound = matrix, bound

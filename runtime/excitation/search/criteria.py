@@ -104,8 +104,12 @@ PAYLOAD = np.array([1.0, *3 * [0.1], *6 * [0.01]])  # 1 kg, 0.1 m × 1 kg, (0.1 
 FLOOR = 0.01  # smallest size of an unknown, kg, kg·m or kg·m²: some base parameters vanish
 SMOOTH = 16.0  # power of the Schatten norms in `mixed`
 SHARE = 0.8  # weight of log cond in `mixed`
-LAST_SMOOTH, LAST_SHARE = 32.0, 0.85  # in the last descent, of the best start: cond −1 %, v +0.5 %
-RELATIVE = 0.2  # of log a in the mean log error of `mixed`: v alone ignores weak parameters
+LAST_SMOOTH, LAST_SHARE = 32.0, 0.85
+"""The same in the last descent, of the best start alone, which moves it a little along the
+trade-off: cond 1 % smaller for 0.5 % in v."""
+RELATIVE = 0.2
+"""Part of log a in the mean log error of `mixed`: v alone ignores parameters that hardly change the
+torque of other motions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +137,9 @@ class Criterion:
     # criterion does not need it and the caller has none
     goal: Callable[[Library, Array, Information | None], Goal]
     needs_information: bool = True  # the torque noise and the rate must be known
-    is_kinked: bool = False  # log cond: semidefinite programmes and variations end the search
+    # the target is log cond, whose optimum lies in a kink: semidefinite programmes end the search
+    # in it, and variations of the best starts follow
+    is_kinked: bool = False
 
 
 def criterion_of(name: str, has_information: bool = True) -> Criterion:

@@ -36,7 +36,9 @@ from runtime.library import Array, Library
 FIRST = 3  # random starts of a smooth criterion in the first round; none of them is given up
 DRAWN, FEWEST_DRAWN = 0.25, 4  # share and least number of random starts of a smooth criterion
 WARM_ROUNDS = 10  # rounds of the starts of a smooth criterion that begin near the best ones
-SHARE, SMOOTH_SHARE = 1.0, 2.0  # variations per start by log cond, smooth; ⅓ of a start's time
+SHARE, SMOOTH_SHARE = 1.0, 2.0
+"""Variations per start where log cond decides, and where a smooth criterion does; one takes a third
+of the time of a random start."""
 FEWEST_STARTS = 8  # fewest starts after which variations follow, or among which some are warm
 ROUNDS = 6  # number of rounds of variations
 PARENTS = 8  # largest number of parents

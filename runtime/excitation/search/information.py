@@ -178,7 +178,9 @@ class Information:
     columns: Array | None = None  # T, (n_b, k); None is the identity
     friction: tuple[str, ...] = ()  # columns of every joint that are estimated beside the unknowns
     spectrum: NoiseSpectrum | None = None  # of noise and planned filter; None: white, no filter
-    left_out: tuple[int, ...] = ()  # places in β that T leaves out, unshown (`unseen_parameters`)
+    # places in β of the parameters that T leaves out one by one, because no motion shows them
+    # (`unseen_parameters`); empty where T is a payload's
+    left_out: tuple[int, ...] = ()
 
     def of_mean(self, mean: Array, duration: float) -> Array:
         """Information of the unknowns."""

@@ -55,8 +55,12 @@ class Prediction:
     scores: tuple[Score, ...]  # without and with friction, at each of `SAMPLES`
     sigma: Array  # standard deviations of the unknowns, (k,) SI; friction is not estimated
     sigma_with_friction: Array | None  # with friction; None where it is not identifiable
-    torque: Array  # RMS σ of each joint's torque on unseen motions, (n,) N·m or N, no friction
-    payload_mass: float | None  # σ of 1 kg, 0.1 m before the last link of a known arm, offsets free
+    # RMS standard deviation of each joint's torque on unseen motions, (n,) N·m or N; friction is
+    # not estimated
+    torque: Array
+    # σ of a payload of 1 kg, 0.1 m before the last link, on a known arm, kg; with the offsets of
+    # the torques. None where it is not identifiable
+    payload_mass: float | None
     payload_com: Array | None  # σ of its centre of mass, (3,) m
     notes: tuple[str, ...]  # sentences on what is not identifiable
 

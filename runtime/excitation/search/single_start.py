@@ -199,7 +199,10 @@ class Search:
         self._coarse = self.limit_rows(LIMIT_STEP)
 
     def start(self, number: int, best: float = np.inf) -> tuple[float, Array]:
-        """Target and coefficients (n, M) of a random start, given up if behind `best` (`TRIED`)."""
+        """Target and coefficients (n, M) [rad, m] of a descent from a random motion.
+
+        A start of a smooth criterion that is behind `best` is given up, see `TRIED`.
+        """
         rows, elastic = LinearRows(self._matrix, self._bound), self._elastic(self._coarse)
         x = self._shrunk(self._random(number), ELASTIC)
         is_kinked = self.criterion.is_kinked

@@ -23,7 +23,11 @@ _VARIANTS = {
     "fixed-arm": "payload alone",
 }
 """Methods of studies that are variants of an estimator."""
-BEST = ("map-friction", "map", "lm")  # first in a study; lm without noise, from MAP
+BEST = ("map-friction", "map", "lm")
+"""Method of this package that is compared with the document: the first one that a study has.
+
+Without noise it is lm, which starts from MAP.
+"""
 _OURS = {"search", "check", "pi", "lam", "beta"}  # computed numbers, not estimators
 _METRICS = {
     "airm": "AIRM",

@@ -32,7 +32,9 @@ class LogsConfig:
     """Arm, noise and payload."""
 
     seed: int = 0  # of the noise
-    truth_seed: int = 4  # of the arm; errors are within a quarter of the document's (joints 1 to 6)
+    # of the arm; its errors before tuning and with payload are within a quarter of those of the
+    # document at joints 1 to 6
+    truth_seed: int = 4
     # of the test motion, a separate design from one start with torques as large as in the document;
     # training and validation are the best two of the excitation study
     test_seed: int = 31

@@ -34,7 +34,9 @@ BLOCKS = 10
 LEVEL = 0.95
 WORTHWHILE = 0.01  # relative reduction of the torque error below which a method is not better
 ENOUGH = 0.5  # share of the base parameters below which the data count as dominated by the prior
-OVERFIT = 1.1  # growth of OLS's error from training to test, over the recommended method's
+OVERFIT = 1.1
+"""Growth of the error of OLS from training to test over that of the recommended method, above which
+OLS over-fits."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -93,7 +93,10 @@ class DriveProblem:
 
 
 def newton_passes(problem: DriveProblem, x: Array) -> tuple[Array, Array]:
-    """Most probable x = (d, b) and its σ; passes take fewer low-passed rows, the last ones all."""
+    """Most probable x = (d, b), and its standard deviations at the last pass.
+
+    The passes take fewer rows of the low-passed signals until they end, then all rows.
+    """
     sigma, left = np.full(x.shape, np.inf), PASSES
     thinned = _thinned(problem.recording, problem.preparation)
     for present, done in ((problem.rough(thinned), 1.0), (problem.rough(), DONE)):

@@ -55,7 +55,9 @@ MOST_ROWS, STRETCHES = 6000, 8  # rows above which only as many, in contiguous s
 _H = 1e-6  # step of a central difference in q [rad, m]: its error is 1e-12 relative, rounding 1e-10
 FEEDBACK = "Removed what the control law makes of the torque noise from τ (drive.feedback)."
 """Sentence in the history of the training part."""
-MOST_RESPONSE = 0.3  # response over motion, RMS, above which the loop is unstable in the model
+MOST_RESPONSE = 0.3
+"""Response over the motion, both RMS, above which the loop is not that of the robot: it is
+unstable in the model, while the robot moved."""
 _STEP = 1e-4  # step of the slope of friction [rad/s, m/s]: far below every width of a Coulomb sign
 _PRESENT = 1e-2
 """Singular value of unit columns, over the largest, below which a direction is left alone: the

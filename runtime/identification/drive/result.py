@@ -16,7 +16,9 @@ COLUMNS = {
 }
 """Key of a drive in result.json → friction column; one of them is fitted. Both columns of dry
 friction are ±1 in steady motion."""
-BIAS_PRIOR = 0.02  # σ of an encoder bias before [rad, m]: after a calibration by hand, a degree
+BIAS_PRIOR = 0.02
+"""Standard deviation of the prior of an encoder bias [rad, m]: the residual of a calibration by
+hand, a degree."""
 DETERMINED = 0.5  # σ of an encoder bias over that of its prior below which a motion is informative
 
 

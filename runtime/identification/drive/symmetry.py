@@ -46,7 +46,9 @@ FRICTION = ("viscous", "coulomb")
 RISES = 1.05  # error with the other side's drive over the joint's, from which they differ
 PLANES = {"yz": (-1.0, 1.0, 1.0), "xz": (1.0, -1.0, 1.0), "xy": (1.0, 1.0, -1.0)}
 """Planes of the base, and the diagonal of M."""
-_TURN, _TOLERANCE = 0.3, 1e-3  # angle of compared poses [rad, m]; [m, 1] below a URDF's rounding
+_TURN, _TOLERANCE = 0.3, 1e-3
+"""Angle of the joints at which poses are compared [rad, m], and tolerance [m, 1]: a millimetre is
+below the rounding of a URDF."""
 TIED = ("viscous", "armature")  # keys of a drive that are tied
 SPREAD = 0.1  # ρ: motors and gears of one type differ by a tenth, mostly by wear and temperature
 

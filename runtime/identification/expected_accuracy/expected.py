@@ -76,7 +76,9 @@ class Expected:
     root: Array  # root of the mean squared error of π, (10 n, 10 n), with a further column for d
     payload: Array | None  # of a payload's ten parameters on a known arm, (10,) SI; None as above
     payload_com: Array | None  # of the centre of mass of the payload, (3,) m
-    payload_of_arm: Array | None  # without an empty run, by an arm `ARM_ERROR` off, (10,) SI
+    # of the ten parameters of a payload without an empty run, from an arm whose links are
+    # `ARM_ERROR` off, (10,) SI; None as for `payload`
+    payload_of_arm: Array | None
 
     def by_name(self, lib: Library, payload_only: bool = False) -> dict[str, float]:
         """Standard deviations with names: payload, links, base parameters."""
@@ -217,7 +219,10 @@ def facts(sigma: Expected, lib: Library, payload_only: bool = False) -> dict[str
 def gain_slopes(
     lib: Library, moved: MotionSamples, sigma: Array, known: Knowledge, unit: float = 1.0
 ) -> Array:
-    """Change s of π per relative error of each torque gain, (10 n, n), in earlier logs likewise."""
+    """Change s of the parameters per relative error of each torque gain, (10 n, n).
+
+    Earlier logs are taken to change in the same way: the sensors are the same.
+    """
     n = lib.n_joints
     alone = [reduce(moved.statistics(lib, sigma, only=j), n)[0].factor for j in range(n)]
     root = spread_of(

@@ -25,7 +25,9 @@ from runtime.recording.consistency import require_motion, require_plausible
 from runtime.recording.preprocessing import prepare
 from runtime.recording.rest_speeds import STILL
 
-MIRRORED = 0.05  # largest distance of ways out and back over the range; controllers stay within 1 %
+MIRRORED = 0.05
+"""Largest distance of the way back from the way out, over the range of the joint: controllers
+repeat a path within 1 %."""
 
 
 @dataclass(frozen=True, slots=True)

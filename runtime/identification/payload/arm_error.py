@@ -77,7 +77,9 @@ class ArmModel:
     friction: Friction  # friction columns and widths
     phi: Array  # friction coefficients, (n, k)
     origin: str  # source of the model, for the report
-    root: Array | None = None  # of the covariance of [β; φ] for these sensors, (n_b + n k, m)
+    # root of the covariance of [β; φ] for readings of the same sensors, (n_b + n k, m); None where
+    # no posterior states it
+    root: Array | None = None
     is_exact: bool = False  # no model error enters a payload's intervals; for simulated arms
 
 

@@ -22,7 +22,9 @@ from runtime.library import Array, Integers, Library
 from runtime.recording import Recipe, Recording
 
 MOST_ORDERS = 5040  # largest number of permutations that are all tried
-GOOD, BETTER = 0.5, 0.6  # E of an order that fits; E of the best over the present to change it
+GOOD, BETTER = 0.5, 0.6
+"""E below which an order fits, and E of the best order over that of the present one below which
+the order is changed."""
 BEYOND = 0.2  # distance beyond a limit [rad or m] that is accepted: offsets and soft limits
 ALIKE = 0.05  # difference of E that decides nothing: wrist joints carry little gravity torque
 ROWS = 60  # number of rows that E is computed on

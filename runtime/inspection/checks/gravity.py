@@ -50,7 +50,9 @@ from runtime.recording import Recipe
 LOADED, OPPOSITE_SHARE = 0.7, 0.8
 """Partial correlation of τ with the gravity torque from which on a joint follows it, and share of
 the gravity torque that joints opposite to it must carry."""
-SURE = 6.0  # σ from which a sign counts: friction is not white, 4 are chance on logs of 5 s
+SURE = 6.0
+"""Standard deviations from which on a sign counts; the noise of friction is not white, and 4 are
+reached by chance on logs of 5 s."""
 MUCH = 0.6  # residual with another sign over that with the present one, below which it is reported
 ALIKE = 1.3  # residual of another sign over the best one, below which the data do not decide
 FEW = 250  # rows of the fits; more do not change the decision

@@ -42,7 +42,9 @@ LIMBS = 1.25
 which on it is one of the torque: at the twelve joints of a Go2 they are 0.8 to 1.3 in a log without
 a fault, and of one joint never all above 1.06, nor all below 0.92."""
 PERFECT = 5e-4  # residual over torque below which the torque cannot come from a sensor
-SILENT, GOOD = 1e-5, 5e-3  # noise over RMS of τ, residual over τ: below both, τ is not of a sensor
+SILENT, GOOD = 1e-5, 5e-3
+"""Noise of the raw torque over its RMS, and residual over torque: below both, the torque cannot
+come from a sensor."""
 FRICTIONLESS, FITTED = 1.3, 0.03
 """Residual without friction columns over that with them, median over the joints, and residual over
 torque: below both, the joints have no friction. Arms with torque sensors behind the gears reach
@@ -234,7 +236,10 @@ def causes_left(torque_rows: TorqueRows, fit: UnconstrainedFit) -> Causes:
 
 
 def explained(torque_rows: TorqueRows, causes: Causes) -> list[Finding]:
-    """Gain, tilt or zero that explains the rest without URDF; a gain by its slope on it, too."""
+    """Gain of a joint, tilt or encoder zero that explains what the fit leaves.
+
+    The comparison of causes needs no URDF; a gain must be that of the slope on it, too.
+    """
     lib = torque_rows.lib
     # A gain of 2.5 looks like a delay, too: the slope on the torque of the URDF decides.
     gains = [c for c in causes.ranked if c.kind == GAIN and c.is_significant and not c.is_usable]

@@ -35,7 +35,9 @@ MOST_SPANS = 200  # intervals that a recipe takes
 _NAMES = {"q": "position", "dq": "velocity", "tau": "torque"}
 FROZEN_S, FROZEN_ROWS = 0.25, 20  # shortest interval: a quantised signal repeats some values
 MOST_FROZEN = 0.5  # share of the rows above which a signal was not logged at all
-JUMP = 5.0  # step of q after the interval over the usual one of a moving arm that did not stand
+JUMP = 5.0
+"""Step of q after the interval over the usual step of the moving arm, which shows that the arm did
+not stand still."""
 _SIGNALS = {"q": "positions", "dq": "velocities", "tau": "torques"}
 
 

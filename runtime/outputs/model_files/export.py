@@ -38,7 +38,9 @@ class Exported:
     kind: str  # name of the format
     path: Path | None  # file or folder that was written; None where it was refused
     sentence: str  # how the file was verified, or why it was refused
-    is_optional: bool = False  # refused, as the model lacks what this holds (`holds_inertia`)
+    # whether the file was refused because the model lacks what only this format holds, see
+    # `ExportFormat.holds_inertia`
+    is_optional: bool = False
 
 
 def write_urdf(

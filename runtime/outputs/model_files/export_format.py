@@ -22,7 +22,9 @@ class ExportFormat:
 
     name: str  # word by which a user selects it
     sentence: str  # what the file holds and who reads it, without a full stop
-    file: str  # its name, with {robot} for that of the robot; of a folder for several files
+    # file name, in which {robot} stands for the name of the robot; of a folder, where `write`
+    # returns several files
+    file: str
     write: Callable[[IdentifiedModel], str | Mapping[str, str]]  # text, or texts by path
     # model, what `write` returned → one sentence on how it was verified. It raises ExportError
     # where it does not describe the model, Unreadable where it cannot be read

@@ -185,7 +185,10 @@ def pauses(t: Array) -> Indices:
 
 
 def thinned(t: Array, y: Array, most: int, gaps: Indices | None = None) -> tuple[Array, Array]:
-    """Reduce a curve to about `most` points, extremes of equal bins; few pauses are gaps."""
+    """Reduce a curve to about `most` points: the smallest and largest value of equal bins.
+
+    A pause becomes a gap in the line, unless there are too many.
+    """
     if gaps is None:
         gaps = pauses(t)
     if len(gaps) > most // 20:

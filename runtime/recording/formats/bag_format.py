@@ -108,7 +108,10 @@ class MessageStore:
 def merged(
     piece: list[tuple[int, int, bytes]], publishers: Sequence[Publisher], names: tuple[str, ...]
 ) -> tuple[Ticks, Array]:
-    """Ticks [ns] and fields of some joints, else NaN; one tick of several publishers is one row."""
+    """Ticks [ns] and fields of some joints of a piece of messages; NaN where none has a value.
+
+    Messages of several publishers with one tick are one row, those of a single one are not.
+    """
     ticks = np.array([tick for tick, *_ in piece], dtype=np.int64)
     places = np.arange(len(ticks))
     if len(publishers) > 1:

@@ -27,7 +27,9 @@ from runtime.recording.recording import DERIVED, Recording
 from runtime.recording.settings import COLUMNS, Friction, JointMotion, signals_for
 
 DRIVE = ("viscous", "coulomb", "offset", "rotor")  # names of the columns of one drive
-DAY, LARGE_DAY = 0.05, 0.07  # change of healthy friction between days, mean, most: 3 to 7 % (UR5)
+DAY, LARGE_DAY = 0.05, 0.07
+"""Relative change of the friction of a healthy arm between days, in the mean and at most: 3 to 7 %
+on a UR5."""
 
 
 def default_terms(recording: Recording) -> Friction | None:
@@ -163,7 +165,9 @@ def renewed_rotor(recording: Recording) -> Recording:
 
 SHARE = 2.0**-16  # size over that of the same column of another joint: the resolution of 16 bits
 
-LEAST = 1e-9  # over the torque, SI: rounding in single precision even for a coefficient of ten
+LEAST = 1e-9
+"""Size in SI units relative to the torque [N·m, N]: an effect below rounding in single precision
+even for a coefficient of ten."""
 
 
 def unresolved(columns: Array, tau: Array) -> Mask:

@@ -245,7 +245,11 @@ def balanced(
 
 
 def rows_of(recording: Recording, lib: Library, power: bool) -> Iterator[Array]:
-    """Yield D P − S R, or D E for power, at inner instants, by columns: all exceed the memory."""
+    """Yield D P − S R, or D E for power, at the inner instants, some columns at a time.
+
+    The regressor is evaluated anew for each group of columns, because the whole would exceed the
+    memory.
+    """
     joints = 1 if power else lib.n_joints
     width = max(1, HELD // (len(recording) * joints))
     count = len(lib.base_columns)

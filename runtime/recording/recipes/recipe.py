@@ -41,7 +41,10 @@ EXTRA_UNITS = {"degC": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0, "V": 1.0, "A": 1
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Public files, pinned by commit and sha256; `base`: their folder's address (`{commit}`)."""
+    """Source of public files: one address per file, pinned by commit and sha256.
+
+    `base` is the address of the folder that holds the files; `{commit}` in it is filled in.
+    """
 
     url: str = ""
     licence: str = ""

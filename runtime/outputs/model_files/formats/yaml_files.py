@@ -54,7 +54,10 @@ def _scalar(value: Any) -> str:
 
 
 def check(content: Content, in_urdf: bool, model: IdentifiedModel, text: str) -> str:
-    """Require the written tables when read; in_urdf: a URDF of the numbers, read by pinocchio."""
+    """Read a file again: its tables must be those that were written.
+
+    in_urdf: whether a URDF holds the same numbers, which pinocchio then reads, too.
+    """
     read, (_, written) = yaml.tables_of(text), content(model)
     if read is None:
         return unchecked(yaml.INSTALL)

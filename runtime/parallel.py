@@ -92,7 +92,11 @@ def _result(future: Any, scheduler: str, of: str) -> Any:
             f"several workers of the cluster ended while they computed {of}; give them more "
             "memory, or leave the setting scheduler out"
         )
-    raise _as_sentence(failure) from None
+    sentence = "" if isinstance(failure, RuntimeFault) else f"{type(failure).__name__}: "
+    raise IdentificationError(
+        f"on a worker of the cluster: {sentence}{failure}; every worker needs this version of "
+        "symgen and must see the same files"
+    ) from None
 
 
 def _connected(scheduler: str) -> Any:
@@ -117,14 +121,3 @@ def _require_workers(client: Any, scheduler: str) -> None:
             f"the scheduler at '{scheduler}' has no worker after {PATIENCE:g} s; start some with: "
             f"dask worker {scheduler}"
         ) from None
-
-
-def _as_sentence(failure: BaseException) -> IdentificationError:
-    if isinstance(failure, RuntimeFault):
-        sentence = str(failure)
-    else:
-        sentence = f"{type(failure).__name__}: {failure}"
-    return IdentificationError(
-        f"on a worker of the cluster: {sentence}; every worker needs this version of symgen and "
-        "must see the same files"
-    )

@@ -295,7 +295,10 @@ def run_cases(setup: MonteCarloSetup, numbers: range, threads: int) -> list[Row]
         problems = [problem_of(setup, case, number) for number in numbers]
         for method in case.methods:
             if method in {"adam", "adam-zero"}:
-                fits = _adam(setup, problems, threads, _preset(setup.config.adam, method))
+                adam = setup.config.adam
+                if method == "adam-zero":
+                    adam = replace(adam, rule=replace(adam.rule, threshold=0.0))
+                fits = _adam(setup, problems, threads, adam)
             elif method == "adam-frozen":
                 fits = [_frozen(setup, problem) for problem in problems]
             else:
@@ -325,13 +328,6 @@ def _noisy(samples: Samples, sigma: float, seed: int, number: int, which: int) -
 
 
 TimedFit = tuple[Fit, float, list[float]]  # a fit, its time [s], and its AIRM over the iterations
-
-
-def _preset(preset: Preset, method: str) -> Preset:
-    """Settings of one of both variants of λ-Adam."""
-    if method == "adam":
-        return preset
-    return replace(preset, rule=replace(preset.rule, threshold=0.0))
 
 
 def _adam(

@@ -102,7 +102,9 @@ class Blocks:
         """Prepared blocks; the next ones are read and prepared meanwhile, one per core."""
         # This thread alone reads and stores: files and spool have one place, and rows that are
         # read in order are decoded once.
-        _keep_freed_memory()
+        # glibc returns arrays to the system above a size that it raises to that of the largest one
+        # freed, 32 MiB at most; new pages for every array would take a fifth of the time.
+        np.empty(31 * 2**20, dtype=np.uint8)
         new = [index for index in indices if index not in self.kept]
         raw = ((index, self._read(index)) for index in new)
         ready = computed_ahead(lambda each: self._prepare(*each), raw, AHEAD)
@@ -217,15 +219,6 @@ def _stored(rows: Recording, spool: Spool) -> _Kept:
     # The columns of prepared rows hold what further signals were for.
     first = rows.take([0], "").replace(history=rows.history, signals={})
     return _Kept(first, start, len(rows))
-
-
-def _keep_freed_memory() -> None:
-    """Let the C library keep what one block frees for the next; elsewhere without effect.
-
-    glibc returns arrays to the system above a size that it raises to that of the largest one freed,
-    32 MiB at most. New pages for every array of a block take a fifth of the computing time.
-    """
-    np.empty(31 * 2**20, dtype=np.uint8)
 
 
 def head_of(log: StreamedRecording) -> Recording:

@@ -131,7 +131,8 @@ class Binding:
         self._manifest = manifest
         self._threads = threads
         self._dll = open_library(folder, manifest, level)
-        self.levels = tuple(name for name in LEVELS if self._has(name))
+        batch = f"{manifest.robot}_{{}}_torque_batch"
+        self.levels = tuple(name for name in LEVELS if hasattr(self._dll, batch.format(name)))
         self.level = level or self._best_level()
         if self.level not in self.levels:
             raise LibraryError(
@@ -168,9 +169,6 @@ class Binding:
                 f"the library of '{self._manifest.robot}' has no function '{name}', so another "
                 f"version of symgen built it; {AGAIN}"
             ) from None
-
-    def _has(self, level: str) -> bool:
-        return hasattr(self._dll, f"{self._manifest.robot}_{level}_torque_batch")
 
     def _best_level(self) -> str:
         """Best level that the processor can run, by the check in the library."""

@@ -56,7 +56,12 @@ class JointKernels(Kernels):
         coupling, dq = self.manifest.coupling, self._of_joints(dq)
         if not self.manifest.loops:
             return dq.copy() if coupling is None else dq @ coupling.matrix.T
-        return self.all_motion(self._given(q), dq, 0 * dq)[1]
+        if q is None:
+            raise ShapeError(
+                f"the velocities of all joints of '{self.name}' depend on its loops' posture; call "
+                "all_velocities(dq, q)"
+            )
+        return self.all_motion(q, dq, 0 * dq)[1]
 
     def all_motion(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> tuple[Array, Array, Array]:
         """Positions, velocities and accelerations of all joints, (N, L) or (L,) each."""
@@ -139,14 +144,6 @@ class JointKernels(Kernels):
             if moved
         ]
         return f"; give positions within half a turn of the assembly pose, such as {names[0]}"
-
-    def _given(self, q: ArrayLike | None) -> ArrayLike:
-        if q is None:
-            raise ShapeError(
-                f"the velocities of all joints of '{self.name}' depend on its loops' posture; call "
-                "all_velocities(dq, q)"
-            )
-        return q
 
     def _of_joints(self, values: ArrayLike) -> Array:
         array = np.asarray(values, dtype=float)

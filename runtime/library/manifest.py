@@ -195,10 +195,13 @@ def read_manifest(path: Path) -> Manifest:
             raise TypeError("robot")  # it becomes part of paths
         joints, base = raw.get("all_joints", raw["joints"]), raw["base_parameters"]
         places = {joint["link"]: k for k, joint in enumerate(joints)}
+        brakes = raw["braking"]
         facts = raw | {
             "all_joints": joints,
             "coupling": _coupling(raw["coupling"]) if "coupling" in raw else None,
-            "braking": _braking(raw["braking"]),
+            "braking": BrakingFacts(**{k: np.array(v) for k, v in brakes.items()})
+            if brakes
+            else None,
             "proxies": [each | {"joint": places.get(each["link"], -1)} for each in raw["proxy"]],
             "pairs": raw["pair"],
             "base_columns": base["columns"],
@@ -220,10 +223,6 @@ def _coupling(entry: dict[str, Any]) -> CouplingFacts:
     if matrix.shape != (len(offset), len(independent)):
         raise ValueError("coupling")
     return CouplingFacts(independent, matrix, offset)
-
-
-def _braking(entry: dict[str, list[float]] | None) -> BrakingFacts | None:
-    return BrakingFacts(**{k: np.array(v) for k, v in entry.items()}) if entry else None
 
 
 def torque_units(manifest: Manifest) -> tuple[str, ...]:

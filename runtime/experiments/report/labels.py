@@ -100,22 +100,17 @@ def printed(value: Value | None, metric: str) -> str:
 
 
 def measured(value: Value | None, metric: str, spread: str = "std") -> str:
-    """Computed mean to three digits and standard deviation to the same decimal."""
+    """Computed mean to three digits and standard deviation to the same decimal, or quartiles."""
     if value is None:
         return NOTHING
     if spread == "quartiles" and value.quartiles:
-        return _quartiles(value, metric)
+        low, middle, high = (_share(x) if metric in SHARES else f"{x:.3g}" for x in value.quartiles)
+        return f"{middle} [{low} to {high}]"
     if metric in SHARES:
         return _share(value.mean)
     if not math.isfinite(value.mean):
         return NOTHING
     return f"{value.mean:.5g}" if value.std is None else _deviating(value.mean, value.std)
-
-
-def _quartiles(value: Value, metric: str) -> str:
-    """Median and quartiles."""
-    low, middle, high = (_share(x) if metric in SHARES else f"{x:.3g}" for x in value.quartiles)
-    return f"{middle} [{low} to {high}]"
 
 
 def _deviating(mean: float, std: float) -> str:

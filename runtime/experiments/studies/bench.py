@@ -143,12 +143,6 @@ def _row(
     return row | ({} if fit.n_eff is None else {"n_eff": fit.n_eff})
 
 
-def _finish(setup: BenchSetup, rows: list[study.Row]) -> study.StudyOutcome:
-    """Identify the payload on the known arm, and collect the facts of the data."""
-    del rows
-    return study.StudyOutcome(facts=_facts(setup), rows=_fixed_arm(setup))
-
-
 def _fixed_arm(setup: BenchSetup) -> list[study.Row]:
     """Payload from the difference to the run without payload, for every training log."""
     lib, logs = setup.lib, setup.logs
@@ -213,7 +207,7 @@ STUDY = study.Study(
     config=BenchConfig(),
     prepare=_prepare,
     run=_run,
-    finish=_finish,
+    finish=lambda setup, _: study.StudyOutcome(facts=_facts(setup), rows=_fixed_arm(setup)),
     cases={
         "tuning": "CAD model tuned to the arm",
         "payload": "CAD model, unknown payload of 1.8 kg",

@@ -94,12 +94,6 @@ def _prepare(lib: Library, config: MethodsConfig, needed: Arrays) -> MethodsSetu
     )
 
 
-def _run(setup: MethodsSetup, numbers: range, threads: int) -> list[Row]:
-    """Fit one method per trial."""
-    del threads
-    return [_row(setup, number) for number in numbers]
-
-
 def _row(setup: MethodsSetup, number: int) -> Row:
     method = setup.config.methods[number]
     compared = compare(setup.assembly, [method], truth=setup.truth).rows[0]
@@ -151,7 +145,7 @@ STUDY = Study(
     title="Every method side by side",
     config=MethodsConfig(),
     prepare=_prepare,
-    run=_run,
+    run=lambda setup, numbers, _: [_row(setup, number) for number in numbers],
     finish=_finish,
     cases={"plant": "FR3 with rotors and friction, σ_q = 1e-4 rad, σ_τ = 0.05 N·m, 20 Hz"},
     methods={name: METHODS[name].sentence for name in METHODS.builtin},

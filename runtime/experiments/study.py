@@ -38,7 +38,6 @@ class FixedConfig:
 
 def library_alone(lib: Library, config: StudyConfig, needed: Arrays) -> Library:
     """Prepared input of a study that needs only the library."""
-    del config, needed
     return lib
 
 

@@ -337,7 +337,6 @@ def _adam(
     places: list[list[Array]] = [[] for _ in problems]
 
     def seen(done: int, points: list[Array]) -> None:
-        del done
         for place, x in zip(places, points, strict=True):
             place.append(x)
 

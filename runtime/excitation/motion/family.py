@@ -52,7 +52,6 @@ class Basis(Protocol):
 
     def at(self, lib: Library, size: int, t: Array, duration: float) -> Array:
         """φ_m and three time derivatives, (N, size, 4), by their derivatives by s."""
-        del lib
         derivatives = self.derivatives(4, size, t / duration)
         powers = duration ** -np.arange(len(derivatives), dtype=float)
         return np.moveaxis(derivatives * powers[:, None, None], 0, 2)

@@ -220,11 +220,10 @@ def corrected(nonlinear: Nonlinear, x: Array) -> Array | None:
     A full step along linearised rows violates by its square; without this correction the merit
     would reject it near the optimum (Maratos 1978).
     """
-    numbers, values, slopes = nonlinear.near(x)
+    _, values, slopes = nonlinear.near(x)
     violated = values > 0
     if not 0 < violated.sum() <= _CORRECTED:
         return None
-    del numbers
     slopes, values = slopes[violated], values[violated]
     # Least norm: d = −Jᵀ (J Jᵀ)⁻¹ g. Neighbouring rows are nearly parallel, hence the 1e-8.
     gram = slopes @ slopes.T

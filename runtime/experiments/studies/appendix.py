@@ -10,7 +10,6 @@ LINKS, BASE = 7, 43
 
 def _run(lib: Library, numbers: range, threads: int) -> list[Row]:
     """Compute π and λ of every link, and β = K π."""
-    del numbers, threads
     pi = document_robot(lib)
     bodies, lam = links(pi), links(lib.lam_from_pi(pi))
     rows: list[Row] = []
@@ -25,7 +24,6 @@ def _run(lib: Library, numbers: range, threads: int) -> list[Row]:
 
 def _finish(lib: Library, rows: list[Row]) -> StudyOutcome:
     """Facts of the tables; there are no series."""
-    del rows
     return StudyOutcome(
         facts={
             "robot": "the URDF's inertials at full precision, link 7 with twice the mass and "

@@ -41,7 +41,6 @@ class ExcitationSetup:
 
 def _prepare(lib: Library, config: ExcitationConfig, needed: Arrays) -> ExcitationSetup:
     """Set up the search in document mode."""
-    del needed
     document_robot(lib)  # refuses other robots
     settings = DesignSettings(config.duration, config.harmonics, seed=config.seed)
     return ExcitationSetup(lib, config, Search(lib, settings))
@@ -49,7 +48,6 @@ def _prepare(lib: Library, config: ExcitationConfig, needed: Arrays) -> Excitati
 
 def _run(setup: ExcitationSetup, numbers: range, threads: int) -> list[Row]:
     """Run the search from some starts: log cond before and after."""
-    del threads
     search = setup.search
     rows: list[Row] = []
     for number in numbers:

@@ -77,7 +77,6 @@ def _design(lib: Library, like: Trajectory, seed: int) -> Trajectory:
 
 def _run(setup: LogsSetup, numbers: range, threads: int) -> list[Row]:
     """Record one log per trial: first all without payload, then all with it."""
-    del threads
     names = roles(setup.config)
     rows: list[Row] = []
     for number in numbers:

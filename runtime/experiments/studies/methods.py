@@ -121,7 +121,6 @@ def _figures(setup: MethodsSetup, f: Figures) -> Row:
 
 def _finish(setup: MethodsSetup, rows: list[Row]) -> StudyOutcome:
     """Facts of the data; there are no series."""
-    del rows
     config, parts = setup.config, setup.assembly.parts
     facts: dict[str, Any] = {
         "plant": "closed loop of the compiled simulator: rotors, friction, computed torque with "

@@ -51,7 +51,6 @@ def _prepare(lib: Library, config: ModelConfig, needed: Arrays) -> ModelSetup:
 
 def _run(setup: ModelSetup, numbers: range, threads: int) -> list[Row]:
     """Largest torque differences and the slope of the Taylor remainder."""
-    del numbers, threads
     tau = _torques(setup)
     steps, remainders = _taylor(setup)
     kept = _straight(setup.config, steps)
@@ -73,7 +72,6 @@ def _run(setup: ModelSetup, numbers: range, threads: int) -> list[Row]:
 
 def _finish(setup: ModelSetup, rows: list[Row]) -> StudyOutcome:
     """Curves of the three figures."""
-    del rows
     tau, (steps, remainders) = _torques(setup), _taylor(setup)
     middle = int(np.flatnonzero(_straight(setup.config, steps))[0])
     reference = remainders[middle] * (steps / steps[middle]) ** 2

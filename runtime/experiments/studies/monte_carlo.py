@@ -253,7 +253,6 @@ def _sines_prepare(lib: Library, config: MonteCarloConfig, needed: Arrays) -> Mo
 
 def _sines_finish(setup: MonteCarloSetup, rows: list[Row]) -> StudyOutcome:
     """Motion of Fig. A.1."""
-    del rows
     lib, config = setup.lib, setup.config
     _, amplitude = sinusoidal(lib, 1.0, config.rate_hz, *config.sinusoid)
     facts = data_facts(setup) | {
@@ -303,7 +302,6 @@ class DesignsConfig:
 
 def _prepare(lib: Library, config: DesignsConfig, needed: Arrays) -> tuple[Library, DesignsConfig]:
     """Robot and config; every design is a trial."""
-    del needed
     document_robot(lib)  # refuses other robots
     return lib, config
 
@@ -325,7 +323,6 @@ def _run(setup: tuple[Library, DesignsConfig], numbers: range, threads: int) -> 
 
 def _finish(setup: tuple[Library, DesignsConfig], rows: list[Row]) -> StudyOutcome:
     """Facts of the designs; there are no series."""
-    del rows
     config = setup[1]
     first = DESIGNS * config.seed
     facts: dict[str, Any] = {

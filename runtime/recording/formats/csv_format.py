@@ -94,7 +94,6 @@ class FlatReader(TextReader):
 
     def table(self, kind: str, part: Signal | Time) -> LogTable:
         """Numbers of the file, `width` per sample."""
-        del kind
         return text_tables.flat_table(self.text(), part.width, self.raw.name)
 
 

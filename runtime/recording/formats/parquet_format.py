@@ -257,7 +257,6 @@ class ParquetReader(LogReader):
 
     def table(self, kind: str, part: Signal | Time) -> LogTable:
         """Columns that a part of the recipe names."""
-        del kind
         with closing(ParquetLog(self.raw.hashed())) as log:
             return log.table(parquet_columns(part.columns, part.key, log.columns))
 

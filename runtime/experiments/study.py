@@ -110,9 +110,9 @@ TORQUE = tuple(f"tau_error_{joint}" for joint in range(1, 8))  # torque errors i
 MOTION = ("t", "q", "dq", "ddq", "tau")  # series of a motion, without the prefix of the motion
 
 
-def torque_table(name: str, title: str, cases: tuple[str, ...]) -> View:
-    """Table of the torque errors of all joints."""
-    return View(name, "table", f"{title}: torque errors, %", cases, TORQUE)
+def torque_table(name: str, title: str, cases: tuple[str, ...], *more: str) -> View:
+    """Table of the torque errors of all joints, and of further metrics."""
+    return View(name, "table", f"{title}: torque errors, %", cases, (*TORQUE, *more))
 
 
 def torque_bars(name: str, title: str, cases: tuple[str, ...]) -> View:

@@ -199,6 +199,7 @@ def _facts(setup: BenchSetup) -> dict[str, Any]:
 
 
 _BOTH = tuple(LOGS)
+BODY = ("mass_error_g", "com_error_mm")
 DISTANCES = ("airm", "base_error")  # distances from the truth, which the torque errors do not show
 
 STUDY = study.Study(
@@ -226,21 +227,9 @@ STUDY = study.Study(
     },
     needs=("excitation", "logs"),
     views=(
-        study.View(
-            "table-5.9",
-            "table",
-            "Parameter tuning: torque errors, %",
-            ("tuning",),
-            (*study.TORQUE, *DISTANCES),
-        ),
+        study.torque_table("table-5.9", "Parameter tuning", ("tuning",), *DISTANCES),
         study.torque_bars("fig-5.5", "Parameter tuning: before and after", ("tuning",)),
-        study.View(
-            "table-5.10",
-            "table",
-            "Payload adaptation: torque errors, %",
-            ("payload",),
-            (*study.TORQUE, *DISTANCES, "mass_error_g", "com_error_mm"),
-        ),
+        study.torque_table("table-5.10", "Payload adaptation", ("payload",), *DISTANCES, *BODY),
         study.torque_bars("fig-5.7", "Payload adaptation: before and after", ("payload",)),
         study.View(
             "table-5.11",

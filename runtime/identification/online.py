@@ -16,12 +16,12 @@ from numpy.typing import ArrayLike
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.entropic_prior import CAD, Prior, prior_of
-from runtime.estimators.convex.newton import ConvexProblem, convex_problem
+from runtime.estimators.convex.newton import ConvexProblem, convex_problem, task_of
 from runtime.estimators.regression.factor import Statistics, compress, from_triangle, reduce
 from runtime.estimators.regression.samples import Samples
 from runtime.identification.expected_accuracy import expected as accuracy
 from runtime.library import Array, Library
-from runtime.library.compiled_descent import CompiledConvex, ConvexTask
+from runtime.library.compiled_descent import CompiledConvex
 
 DECREMENT, MOST_STEPS = 1e-12, 50
 """Newton's tolerance in units of γ, 1e-5 of a standard deviation from the minimum, and its limit of
@@ -219,17 +219,7 @@ class OnlineEstimator:
 
     def _newton(self, problem: ConvexProblem) -> tuple[Array, int, bool]:
         """Compiled Newton steps, to a tolerance at which the start has no effect on the result."""
-        data = problem.data
-        task = ConvexTask(
-            data.factor,
-            data.target,
-            data.rest,
-            data.count,
-            self._prior.slope,
-            problem.gamma,
-            np.ones(1),
-            self._pi,
-        )
+        task = task_of(problem, np.ones(1), self._pi)
         (answer,) = CompiledConvex(self._lib.binding, [task], DECREMENT, MOST_STEPS).run()
         return answer.points[0], int(answer.steps.sum()), answer.converged
 

@@ -336,7 +336,7 @@ def solve_many(
     plain = all(p.inside is None and p.free is None for p in problems)
     if not plain or not problems:
         return [minimise_anywhere(p, s) for p, s in zip(problems, firsts, strict=True)]
-    tasks = [_task(p, np.ones(1), s) for p, s in zip(problems, firsts, strict=True)]
+    tasks = [task_of(p, np.ones(1), s) for p, s in zip(problems, firsts, strict=True)]
     answers = CompiledConvex(lib.binding, tasks, DECREMENT, MOST_STEPS).run(threads)
     minima = [_minimum(p, answer) for p, answer in zip(problems, answers, strict=True)]
     return _continued(lib, minima, firsts, threads)
@@ -348,7 +348,7 @@ def follow_compiled(
     """Follow a path by the compiled Newton method."""
     bodies = prior.centre.size // N_PARAMETERS
     gammas = gamma_sequence(data, bodies, shrink)
-    task = _task(ConvexProblem(data, prior, np.ones(bodies)), gammas)
+    task = task_of(ConvexProblem(data, prior, np.ones(bodies)), gammas)
     (a,) = CompiledConvex(lib.binding, [task], DECREMENT, most_steps).run()
     ended, tried = float(a.decrements[-1]), gammas[: len(a.losses)]
     return path_of(prior, tried, a.points, a.losses, ended, int(a.steps.sum()), a.converged)
@@ -364,7 +364,7 @@ def _continued(
         is_inside = start is None or problem.prior.bodies.log_det(start) is not None
         if minimum.converged or not is_inside:  # every body of the first point is consistent
             continue
-        tasks.append(_task(problem, factors(problem, problem.prior.centre)))
+        tasks.append(task_of(problem, factors(problem, problem.prior.centre)))
         places.append(k)
     if not tasks:
         return minima
@@ -376,7 +376,8 @@ def _continued(
     return results
 
 
-def _task(problem: ConvexProblem, gammas: Array, start: Array | None = None) -> ConvexTask:
+def task_of(problem: ConvexProblem, gammas: Array, start: Array | None = None) -> ConvexTask:
+    """Task of the compiled descents, from the centre of the prior where no start is given."""
     data, prior = problem.data, problem.prior
     return ConvexTask(
         data.factor,

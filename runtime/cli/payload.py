@@ -12,8 +12,9 @@ from runtime.identification.payload.arm_error import arm_model, read_arm_model
 from runtime.identification.payload.estimate import identify_payload
 from runtime.identification.payload.output import FILES, load_facts, write_payload
 from runtime.identification.prepared_log import filter_for_accelerations
+from runtime.identification.saved_result import read_result
 from runtime.identification.settings import GAIN_SIGMA
-from runtime.recording import read_recording
+from runtime.recording import Recording, read_recording
 from runtime.recording.coupled_joints import independent_joints
 
 _WRITTEN = ResultFolder(FILES, "set_load")
@@ -70,13 +71,15 @@ def payload_command(given: PayloadSettings) -> None:
     lib = open_robot(given.robot, given.yes)
     folder = given.out or Path("results") / f"{Path(given.log).stem}-payload"
     _WRITTEN.require(folder, given, given.overwrite)
-    loaded = read_recording(given.log, given.recipe, given.run, lib.joint_names)
-    joints = lib.joint_names
-    bare = (
-        read_recording(given.empty, given.recipe, given.empty_run or given.run, joints)
-        if given.empty
-        else None
-    )
+    saved = read_result(given.model) if given.model else None
+
+    def read(log: str, run: str | None) -> Recording:
+        if saved is None:
+            return read_recording(log, given.recipe, run, lib.joint_names)
+        return saved.log_of(log, lib, given.recipe, run)
+
+    loaded = read(given.log, given.run)
+    bare = read(given.empty, given.empty_run or given.run) if given.empty else None
     moved = independent_joints(loaded, lib)
     preparation, chosen = filter_for_accelerations(moved, lib, given.cutoff, given.rate)
     payload = identify_payload(

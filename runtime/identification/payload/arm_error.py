@@ -62,10 +62,10 @@ noise below 10, 3, 1 and 0.3 Hz it is exceeded in 5; a load of 105 g on a PSM ha
 2 Hz, and 18 to 99 above."""
 _BLOCK = 4096
 _RANK = 1e-10  # eigenvalue over the largest below which errors of the arm change no torques
-UNEXPECTED = 4.0
-"""Squared residual along an error of the arm over its expectation, in the mean, from which the arm
-is not that of its posterior: .8 to 3.1 on 39 of 40 simulated arms of another day, 7 to 11 on a PSM
-at 1 to 3 Hz."""
+UNEXPECTED = 2.0
+"""Squared residual along the errors of the arm over its expectation from which the arm has changed:
+.3 to 1.3 on 14 logs of simulated arms of another day and .8 to 1 on a PSM of the same day; 2.3 to
+8.1 with a quarter more friction or 60 %, 3.5 to 4.8 on the PSM of another day."""
 _FEW = 2.0  # factor on s² for the few directions, about twenty, that dominate its estimate
 
 
@@ -129,11 +129,11 @@ def posterior_covariance(
     cross, left, slope = _products(columns_of, len(root), columns, errors, noise)
     power, axes = np.linalg.eigh(root.T @ left @ root)
     seen = power > _RANK * max(float(power[-1]), 1e-300)
-    along = (axes[:, seen].T @ (root.T @ slope)) ** 2
-    excess = along / power[seen] / (power[seen] + density)
-    moved, is_expected = shape @ cross @ root @ axes, bool(np.mean(excess) <= UNEXPECTED)
+    along = (axes[:, seen].T @ (root.T @ slope)) ** 2 / power[seen]
+    usual = power[seen] + density
+    moved, is_expected = shape @ cross @ root @ axes, bool(along.sum() <= UNEXPECTED * usual.sum())
     if not is_expected:
-        moved[:, seen] *= np.sqrt(np.maximum(excess, 1.0))
+        moved[:, seen] *= np.sqrt(np.maximum(along / usual, 1.0))
     return np.asarray(moved @ moved.T), is_expected
 
 
@@ -178,6 +178,7 @@ def _products(
     # The offsets take the means; the payload takes what its columns explain of the rest.
     flat = rows.reshape(-1, N_PARAMETERS)
     taken = np.linalg.pinv(flat.T @ flat, rcond=_RANK, hermitian=True) @ cross
+    slope -= taken.T @ (flat.T @ (errors / noise).ravel())  # which the prior of the payload leaves
     return cross, gram - mean.T @ mean / len(rows) - cross.T @ taken, slope
 
 

@@ -8,7 +8,7 @@ import pytest
 from runtime import identify_payload
 from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
 from runtime.identification.payload import estimate as module
-from runtime.identification.payload.arm_error import ArmModel, arm_covariance
+from runtime.identification.payload.arm_error import ArmModel, _products, arm_covariance
 from runtime.identification.payload.body import mount_of
 from runtime.recording import Friction
 
@@ -64,6 +64,22 @@ def test_the_prior_weighs_one_sample_in_every_pass(ideal_runs, lib, arm, monkeyp
     run = ideal_runs[0]
     identify_payload(run.replace(tau=run.tau + noise), lib, arm=arm, kappa=0.01)
     np.testing.assert_allclose(weights[1:-1], 0.01, rtol=0.05)
+
+
+def test_what_the_prior_of_the_payload_leaves_is_no_error_of_the_arm(ideal_runs, lib, arm):
+    """Property: a residual that the payload's columns explain is along no error of the arm.
+
+    The most probable payload leaves one, where its prior decides; without the projection it is 0.4
+    of what it could be.
+    """
+    run = ideal_runs[0].take(slice(0, None, 10), "Every tenth row.")
+    columns = lib.regressor(run.q, run.dq, run.ddq)[:, :, mount_of(lib).columns]
+    errors = (columns - columns.mean(axis=0)) @ np.linspace(0.5, 1.0, 10)
+    motion = (run.q, run.dq, run.ddq)
+    _, left, slope = _products(
+        lambda part: lib.regressor(*(x[part] for x in motion)), 70, columns, errors, np.ones(7)
+    )
+    assert np.abs(slope).max() < 1e-8 * np.linalg.norm(errors) * np.sqrt(np.trace(left))
 
 
 @pytest.mark.parametrize("is_identified", [True, False])

@@ -276,6 +276,22 @@ def test_friction_of_another_day_widens_no_link(lib, pi_true, loaded):
     assert found.body.sigma[0] < 0.3 * wide.body.sigma[0]
 
 
+def test_a_log_is_read_as_that_of_the_model(lib, loaded, tmp_path, command):
+    """Property: the recipe of a result reads the loaded run, too, as in the other commands."""
+    for name, run in zip(("load", "empty"), loaded, strict=True):
+        np.savez(tmp_path / f"{name}.npz", when=run.t, angle=run.q, speed=run.dq, effort=run.tau)
+    keys = {"time": "when", "position": "angle", "velocity": "speed", "torque": "effort"}
+    units = {"time": "s", "position": "rad", "velocity": "rad/s", "torque": "N*m"}
+    recipe = "".join(f'[{k}]\nkey = "{keys[k]}"\nunit = "{units[k]}"\n' for k in keys)
+    (tmp_path / "r.toml").write_text(recipe)
+    words = ("--robot", lib.folder, "--settings", "report=false", "--out", "arm")
+    ran = command("identify", "empty.npz", "--recipe", "r.toml", *words)
+    assert ran.code == 0, ran.err
+    ran = command("payload", "load.npz", "--robot", lib.folder, "--model", "arm", "--json")
+    assert ran.code == 0, ran.err
+    assert json.loads(ran.out)["mass"] == pytest.approx(1.0, abs=0.1)
+
+
 def test_what_the_motion_does_not_show_is_reported(loaded, lib, arm):
     """Property: at rest gravity alone speaks: no inertia; without payload there is none."""
     rng = np.random.default_rng(2)

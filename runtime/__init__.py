@@ -95,7 +95,7 @@ __all__ = [
     "write_recording",
 ]
 
-_MODULES = {
+_MODULES = {  # module → names of it, imported at the first use: scipy takes 0.5 s
     "runtime.estimators.choice.default_friction": ("choose_default_friction",),
     "runtime.estimators.choice.friction_choice": ("choose_friction",),
     "runtime.estimators.descent.fit": ("PRESETS", "Preset"),
@@ -122,7 +122,6 @@ _MODULES = {
     "runtime.recording.free_base": ("FreeBaseRecording", "read_free_base"),
     "runtime.tapes.functions": ("jax", "torch"),
 }
-"""Names of every module, and another name there; imported at the first use: scipy takes 0.5 s."""
 
 
 def __getattr__(name: str) -> Any:

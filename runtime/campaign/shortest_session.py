@@ -151,12 +151,11 @@ def _missed(
     }
 
 
-UNITS = {
+UNITS = {  # kind of target → unit → its size in SI units
     "v": {"mNm": 1e-3, "Nm": 1.0, "mN": 1e-3, "N": 1.0},
     "a": {"%": 0.01},
     "payload": {"g": 1e-3, "kg": 1.0},
 }
-"""Kind of target → unit → its size in SI units."""
 _FORM = re.compile(r"(?P<kind>[a-z]+)=?(?P<number>[0-9.]+(e-?[0-9]+)?)(?P<unit>[A-Za-z%]+)")
 
 

@@ -126,11 +126,10 @@ def compare_command(given: CompareSettings) -> None:
     _finish(write_comparison(comparison, folder, command_line(), settings, tuple(notes)), folder)
 
 
-OF_WALK = (
+OF_WALK = (  # parameters of the command that apply to a robot with a free base
     *("logs", "robot", "yes", "rows", "cutoff", "split", "out", "overwrite", "friction"),
     *("coulomb_speed", "methods", "truth", "seed"),
 )
-"""Parameters of the command that apply to a robot with a free base."""
 
 
 def _compare_results(given: CompareSettings) -> None:

@@ -49,16 +49,14 @@ OF_LIMITS = {"from_pose", *(field.name for field in fields(LimitChoices))} - {
     *("unchecked", "robot", "yes")
 }
 """Choices that the document's problem lacks."""
-OF_POSES = (OF_LIMITS - {"from_pose"}) | {
+OF_POSES = (OF_LIMITS - {"from_pose"}) | {  # choices of poses at rest
     *("static", "poses", "robot", "yes", "starts", "seed", "out", "noise", "margin", "overwrite")
 }
-"""Choices of poses at rest."""
 OF_ONE_MOTION = ("document", "static", "until", "export", "from_pose", "returns", "pictures")
 """Choices that several motions do not have."""
-OF_TARGET = (
+OF_TARGET = (  # choices that --until makes
     *("duration", "criterion", "document", "static", "payload_only", "noise_model", "cutoff"),
 )
-"""Choices that --until makes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -279,12 +279,11 @@ def identify_command(given: IdentifySettings) -> None:
     finish(result, folder, given, inspect)
 
 
-OF_WALK = (
+OF_WALK = (  # parameters of the command that apply to a robot with a free base
     *("logs", "robot", "yes", "rows", "cutoff", "split", "prior", "out", "overwrite", "report"),
     *("friction", "coulomb_speed", "delay", "method", "preset", "symmetric", "tie", "robust"),
     *("save_statistics", "friction_prior", "refit"),
 )
-"""Parameters of the command that apply to a robot with a free base."""
 
 
 @contextmanager

@@ -52,7 +52,7 @@ def _run(name: str, sentence: str, argument: str = "") -> Command:
     return Command(name, f"runtime.cli.{name}", sentence, argument)
 
 
-GROUPS: dict[str, tuple[Command, ...]] = {
+GROUPS: dict[str, tuple[Command, ...]] = {  # all commands in the order of the overview
     "Build the library of a robot": (
         _build("make", "build", "Generate and compile the C library of a robot arm."),
         _build(
@@ -112,7 +112,6 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
     ),
 }
-"""All commands in the order of the overview."""
 
 
 class CheckedCommand(TyperCommand):

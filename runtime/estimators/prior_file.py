@@ -62,7 +62,7 @@ ALIKE = 1e-9  # relative difference below which two widths are the same
 Real = Annotated[float, Meta(gt=-LARGEST_PRIOR, lt=LARGEST_PRIOR)]
 Least = Annotated[float, Meta(ge=0, lt=LARGEST_PRIOR)]
 Above = Annotated[float, Meta(gt=0, lt=LARGEST_PRIOR)]
-BodyTables = dict[
+BodyTables = dict[  # [centre]: π0 of links
     str,
     Annotated[
         tuple[Real, ...],
@@ -73,7 +73,6 @@ BodyTables = dict[
         ),
     ],
 ]
-"""[centre]: π0 of links."""
 Pair = Annotated[tuple[Real, Above], Meta(description="[value, σ] with σ above 0")]
 FrictionTables = dict[str, Annotated[Above, Meta(description="a width above 0")] | dict[str, Pair]]
 """[friction]: widths, and per joint a table of columns."""

@@ -183,7 +183,7 @@ ROS = MotionFormat(
 LIBFRANKA = MotionFormat(
     "libfranka", ".libfranka.csv", "q, dq, ddq in one row per millisecond", _write_libfranka
 )
-MOTION_FORMATS = Registry(
+MOTION_FORMATS = Registry(  # file formats of a motion by name
     "symgen.motion_formats",
     MotionFormat,
     "format of motions",
@@ -194,4 +194,3 @@ MOTION_FORMATS = Registry(
         "libfranka": f"{__name__}:LIBFRANKA",
     },
 )
-"""File formats of a motion by name."""

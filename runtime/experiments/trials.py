@@ -29,11 +29,10 @@ from runtime.simulation import Plant, ideal, sample_times
 
 ROBOT = "fr3"
 
-LINK_7 = (
+LINK_7 = (  # π of link 7 [kg, kg·m, kg·m²]
     *(1.2542865724, 5.6726134989e-3, 1.0819716922e-2, -2.0273441638e-2, 9.4286696773e-4),
     *(8.0771244614e-4, 3.3885162663e-4, -9.7599036040e-5, 1.8297790402e-4, 3.4976400656e-4),
 )
-"""π of link 7 [kg, kg·m, kg·m²]."""
 
 
 def document_robot(lib: Library) -> Array:

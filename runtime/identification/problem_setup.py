@@ -34,11 +34,10 @@ from runtime.recording.settings import COLUMNS, EVERYTHING
 PARTS = ("train", "validation", "test")
 Parts = tuple[Recording, Recording, Recording]
 WITHOUT_PRIOR = "pc-ols"  # for such a robot: consistent, and convex from any start
-NO_MASSES = (
+NO_MASSES = (  # note on the result of such a robot
     "the URDF states no <inertial>: only base parameters are determined by the data, the masses of "
     "single links are arbitrary, and errors before identification are meaningless"
 )
-"""Note on the result of such a robot."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -19,7 +19,7 @@ from runtime.library.parameters import N_PARAMETERS, centre_of_mass, links, mass
 
 FORMAT = 3  # number of the present format; a change that an older reader would misread raises it
 
-RENAMED = {
+RENAMED = {  # key of formats 1 and 2 → its name in format 3
     "own_offset_overall": "log_offset_overall",
     "alone_overall": "single_log_overall",
     "beta_promised": "beta_sigma_expected",
@@ -27,7 +27,6 @@ RENAMED = {
     "white": "white_lag_share",
     "gain_limits": "detectable_gain_error",
 }
-"""Key of formats 1 and 2 → its name in format 3."""
 
 Numbers = tuple[float, ...]
 Gaps = tuple[float | None, ...]

@@ -12,12 +12,11 @@ from runtime.identification.result_record import ErrorPercent, ErrorRms, LinkPar
 from runtime.library.parameters import PI_NAMES
 
 NOT_RUN = "not run"  # outcome of a method that needs more than the log offers
-MODELS = (
+MODELS = (  # models of the table of shares → keys of their torque errors
     ("URDF", "before_overall"),
     ("URDF with friction fitted", "urdf_friction_overall"),
     ("identified", "after_overall"),
 )
-"""Models of the table of shares → keys of their torque errors."""
 
 
 def error_table(

@@ -71,12 +71,11 @@ SPRING = "spring:"  # prefix of columns of springs: `spring:NAME`, one per sprin
 JOINT_VISCOUS, JOINT_COULOMB = "joint_viscous:", "joint_coulomb:"
 """Prefixes of friction columns of joints that follow others: `joint_viscous:NAME`."""
 
-_BY_PREFIX = {
+_BY_PREFIX = {  # prefix → function of `_ROOM` that makes the record
     SPRING: "spring_column",
     JOINT_VISCOUS: "dependent_joint_column",
     JOINT_COULOMB: "dependent_joint_column",
 }
-"""Prefix → function of `_ROOM` that makes the record."""
 
 _ROOM = "runtime.recording.friction.columns"
 
@@ -98,7 +97,7 @@ class ColumnRegistry(Registry[FrictionColumn]):
         return super().__getitem__(name)
 
 
-COLUMNS = ColumnRegistry(
+COLUMNS = ColumnRegistry(  # all friction columns, in the order of help and messages
     "symgen.friction_columns",
     FrictionColumn,
     "friction column",
@@ -120,7 +119,6 @@ COLUMNS = ColumnRegistry(
         "law_gain": "runtime.recording.friction.law_gain:LAW_GAIN",
     },
 )
-"""All friction columns, in the order of help and messages."""
 
 
 def names_where(claim: Callable[[FrictionColumn], bool]) -> tuple[str, ...]:
@@ -151,12 +149,11 @@ REGRESSORS = ("acceleration", "momentum", "energy")
 
 COULOMB_SPEED, STRIBECK_SPEED, DAHL_STROKE = 0.02, 0.1, 2e-3
 
-WIDTHS = {
+WIDTHS = {  # width of friction columns → symbol and unit
     "coulomb_speed": ("ε", "rad/s"),
     "stribeck_speed": ("v_s", "rad/s"),
     "dahl_stroke": ("z_c", "rad"),
 }
-"""Width of friction columns → symbol and unit."""
 
 LEAST_SETTING = 1e-9  # smallest setting, 1 / the largest [SI]: no filter, rate, width beyond
 

@@ -92,7 +92,7 @@ _KINDS: dict[str, dict[str, Any]] = {
         "rate_hz": _Positive,
     },
 }
-_FILE = msgspec.defstruct(
+_FILE = msgspec.defstruct(  # the whole file: tables and their keys
     "VirtualRobotFile",
     [
         (table, msgspec.defstruct(table, [*keys.items()], bases=(Record,), frozen=True))
@@ -101,7 +101,6 @@ _FILE = msgspec.defstruct(
     bases=(Record,),
     frozen=True,
 )
-"""The whole file: tables and their keys."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,11 +17,10 @@ from runtime.library import Library
 Tensor = Any  # array of torch or JAX
 Call = Callable[..., Sequence[Tensor]]  # outputs of a kernel: name, then its inputs
 
-DIFFERENTIABLE = {
+DIFFERENTIABLE = {  # kernels whose derivatives stand here; those of their derivatives do not
     *("inverse_dynamics", "bias_forces", "mass_matrix", "forward_dynamics"),
     *("loss_gradient", "pi_from_lam"),
 }
-"""Kernels whose derivatives stand here; those of their derivatives do not."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -74,11 +74,10 @@ def shortened(
     return tuple(shipped), dropped
 
 
-_SQUARE = {
+_SQUARE = {  # kernels whose length grows with the square of the joints
     *("regressor", "base_regressor", "forward_dynamics", "mass_matrix", "loss_gradient"),
     *("base_parameters", "base_adjoint"),
 }
-"""Kernels whose length grows with the square of the joints."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,11 +16,10 @@ from symgen.errors import BuildError
 from symgen.make import bundled_robots
 from symgen.mechanics.combination import describe_combination
 
-_DAMAGE = (
+_DAMAGE = (  # exceptions that a damaged manifest can raise
     *(OSError, ValueError, ArithmeticError, LookupError),
     *(TypeError, AttributeError, RecursionError),
 )
-"""Exceptions that a damaged manifest can raise."""
 
 _LIMITS = ("lower", "upper", "velocity", "effort")
 

@@ -138,12 +138,11 @@ _DECLARED = re.compile(r"^  casadi_real (a\d.*);$", re.MULTILINE)
 _CALLED = re.compile(r"\w\(")
 _CALL = re.compile(r"\bvd_(\w+)\(")
 
-SHIPPED = (
+SHIPPED = (  # kernels of the header, called functions before their callers
     *("base_parameters", "base_adjoint", "base_inverse_dynamics", "inverse_dynamics"),
     *("mass_matrix", "bias_forces", "forward_dynamics", "end_effector", "base_regressor"),
     *("loss_gradient", "torque_derivatives"),
 )
-"""Kernels of the header, called functions before their callers."""
 NUMBERS = sample.Numbers("T", "T({})", turn="symgen_turn")
 PRECISIONS = {"double": sample.DOUBLE, "single": sample.Numbers("float", "{}f", "f")}
 """Numbers of a microcontroller."""

@@ -18,7 +18,7 @@ import casadi as ca
 from symgen.errors import BuildError
 from symgen.kernel import Argument, Kernel
 
-EXPRESSIONS = {
+EXPRESSIONS = {  # CasADi operation → C expression for numbers
     ca.OP_ASSIGN: "{0}",
     ca.OP_ADD: "{0} + {1}",
     ca.OP_SUB: "{0} - {1}",
@@ -47,7 +47,6 @@ EXPRESSIONS = {
     ca.OP_OR: "(double)({0} != 0.0 || {1} != 0.0)",
     ca.OP_IF_ELSE_ZERO: "{0} != 0.0 ? {1} : 0.0",
 }
-"""CasADi operation → C expression for numbers."""
 _TILE_EXPRESSIONS = {
     op: EXPRESSIONS[op]
     for op in (
@@ -73,10 +72,9 @@ _TILE_EXPRESSIONS = {
     ca.OP_IF_ELSE_ZERO: "vd_if({0}, {1})",
 }
 """CasADi operation → C expression for vectors; the functions are those of lanes.h."""
-_NEEDS_VECTORS = frozenset(
+_NEEDS_VECTORS = frozenset(  # operations whose shared operands must be broadcast to all lanes
     (ca.OP_ATAN2, ca.OP_FMIN, ca.OP_FMAX, ca.OP_IF_ELSE_ZERO, ca.OP_AND, ca.OP_OR)
 )
-"""Operations whose shared operands must be broadcast to all lanes."""
 LATENCY = 4  # cycles until a product or sum is available (current processors)
 LONGER = {"vd_sincos(": 60, "vd_exp(": 60, "vd_sqrt(": 20, "1.0 / ": 13}
 """Cycles of statements that contain these texts; the functions are those of lanes.h."""

@@ -65,11 +65,10 @@ stay: without -fdse at -O2 tiles are stored a quarter slower, without -fipa-cp t
 tenth slower. -O1 in place of -O2 makes kernels up to 40 % slower.
 """
 PORTABLE = {"portable": (1, "")}  # level that every machine has: one lane, no instruction set
-LEVELS = {
+LEVELS = {  # machine → level → (lanes, -march). A vector wider than the instruction set is slow.
     "x86_64": {"v4": (8, "x86-64-v4"), "v3": (4, "x86-64-v3"), "v2": (2, "x86-64-v2"), **PORTABLE},
     "aarch64": {"neon": (2, ""), **PORTABLE},
 }
-"""Machine → level → (lanes, -march). A vector wider than the instruction set is slow."""
 LINK = ("-shared", "-lm")
 REFERENCE = "casadi"  # level of CasADi's code, compiled without optimisation for comparison
 

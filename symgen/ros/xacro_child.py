@@ -214,13 +214,12 @@ _FUNCTIONS = (
     *(complex, divmod, enumerate, filter, frozenset, hash, isinstance, issubclass, ord, repr),
     *(reversed, slice, set, sum, tuple, zip),
 )
-BUILTINS: Mapping[str, Any] = {
+BUILTINS: Mapping[str, Any] = {  # functions of Python in expressions
     **{function.__name__: function for function in _FUNCTIONS},
     "type": _plain_type,
     "True": True,
     "False": False,
 }
-"""Functions of Python in expressions."""
 
 
 def evaluate(

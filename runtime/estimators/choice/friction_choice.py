@@ -68,7 +68,7 @@ def excess_of(scores: Array, best: Array) -> tuple[float, float]:
 
 
 _BASE = ("offset", "viscous", "coulomb")
-FRICTION_MODELS: dict[str, tuple[str, ...]] = {
+FRICTION_MODELS: dict[str, tuple[str, ...]] = {  # candidate → its columns, by complexity
     "none": (),
     "offset": ("offset",),
     "viscous": ("offset", "viscous"),
@@ -79,14 +79,12 @@ FRICTION_MODELS: dict[str, tuple[str, ...]] = {
     "load": (*_BASE, "load"),
     "gear": ("offset", "viscous", "dahl", "load", "rotor"),
 }
-"""Name of a candidate → its columns, in the order of complexity."""
 
-WIDTHS: dict[str, tuple[str, tuple[float, ...]]] = {
+WIDTHS: dict[str, tuple[str, tuple[float, ...]]] = {  # column → width, and grid [rad/s or rad]
     "coulomb": ("coulomb_speed", tuple(0.005 * 2.0**k for k in range(6))),
     "stribeck": ("stribeck_speed", tuple(0.02 * 2.0**k for k in range(6))),
     "dahl": ("dahl_stroke", tuple(2e-4 * 2.0**k for k in range(8))),
 }
-"""Column → its width and the grid that is searched, rad/s or rad."""
 
 _WIDTH = 0.02  # relative accuracy of a width
 _PASSES = 3  # passes in which the noise of the joints is estimated from the residuals

@@ -24,14 +24,13 @@ from runtime.library import Array, Library
 from runtime.library.parameters import FIRST_MOMENT, MASS, N_PARAMETERS, centre_of_mass, links, mass
 
 _UNIT = np.eye(4)
-_SYMMETRIC = np.array(
+_SYMMETRIC = np.array(  # an orthonormal basis of symmetric matrices, (10, 4, 4)
     [
         (np.outer(_UNIT[i], _UNIT[j]) + np.outer(_UNIT[j], _UNIT[i])) / (2 if i == j else 2**0.5)
         for i in range(4)
         for j in range(i + 1)
     ]
 )
-"""An orthonormal basis of symmetric matrices, (10, 4, 4)."""
 THIN = 0.05
 """Eigenvalues of a prior's Σ_com below this share of their sum are raised to it: a thin axis that
 is wrong in the URDF would otherwise outweigh the data."""

@@ -39,14 +39,13 @@ of J is then 1e-10."""
 ARMIJO = 1e-4  # share of the predicted decrease that a step must reach
 _LEAST = 1e-14  # smallest curvature, relative to the largest
 _HALVINGS = 30
-STATUS = {
+STATUS = {  # why a compiled loop ended: number of the C code → status
     0: Status.MAX_ITERATIONS,
     PATIENCE: Status.PATIENCE,
     DIVERGED: Status.DIVERGED,
     CONVERGED: Status.CONVERGED,
     STALLED: Status.STALLED,
 }
-"""Why a compiled loop ended: number of the C code → status."""
 
 
 @dataclass(frozen=True, slots=True)

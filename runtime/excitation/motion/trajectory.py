@@ -52,11 +52,10 @@ def _supremum(polynomial: Polynomial) -> float:
 
 _HUMPS = UnitPolynomial(_U**2), UnitPolynomial(_U**2 + 2 * _U**3)
 """Polynomials with curvature 2 at both ends; the second has no third derivative there."""
-_RAMPS = (
+_RAMPS = (  # polynomials with slope 1 at both ends; third derivative −60 there, and none
     UnitPolynomial(_S - _S**3 * Polynomial([10.0, -15.0, 6.0])),
     UnitPolynomial(_S - _S**4 * Polynomial([35.0, -84.0, 70.0, -20.0])),
 )
-"""Polynomials with slope 1 at both ends; third derivative −60 there, and none."""
 _JOLT = UnitPolynomial(_U**3 * Polynomial([1.0, -2.0]) / 6)  # third derivative 1 at both ends
 
 
@@ -173,7 +172,7 @@ FOURIER_FAMILY = BasisFamily("fourier", "cosines and sines", Fourier)
 GAP = 1e-6  # largest distance between the end of a motion and the start of the next [rad, m]
 WAYS = ("approach", "return")  # names of the parts before and after a motion
 COSINE = Cosine()  # the default basis
-BASES = Registry(
+BASES = Registry(  # all bases of excitation motions by name; these return home
     "symgen.bases",
     BasisFamily,
     "basis",
@@ -183,7 +182,6 @@ BASES = Registry(
         "bspline": "runtime.excitation.motion.family:SPLINE_FAMILY",
     },
 )
-"""All bases of excitation motions by name; these return home."""
 MOST_SAMPLES = 10_000_000  # most samples: more exceed the memory of an ordinary computer
 
 

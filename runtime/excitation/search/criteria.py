@@ -230,10 +230,9 @@ COND = Criterion(
 )
 MIXED = Criterion("mixed", "v, a and cond together", "(N·m cond)^0.8", _mixed)
 
-CRITERIA = Registry(
+CRITERIA = Registry(  # all criteria by name
     "symgen.criteria",
     Criterion,
     "criterion",
     {name.lower(): f"{__name__}:{name}" for name in ("V", "A", "D", "COND", "MIXED")},
 )
-"""All criteria by name."""

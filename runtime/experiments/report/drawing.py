@@ -48,11 +48,10 @@ def paths_of(
     )
 
 
-LINES = (
+LINES = (  # colours and line styles, distinguishable with any colour vision and in print
     *((canvas.BLUE, "-"), (canvas.ORANGE, "--"), (canvas.GREEN, "-."), (canvas.PURPLE, ":")),
     *((canvas.VERMILION, "-"), (canvas.SKY, "--"), (canvas.INK, "-")),
 )
-"""Colours and line styles, distinguishable with any colour vision and in print."""
 POINTS = 700  # largest number of points of one curve
 MOTION = ("position", "velocity", "acceleration", "torque")
 UNITS = ("rad", "rad/s", "rad/s²", "N·m")

@@ -13,7 +13,7 @@ from runtime.experiments.study import View
 
 DOCUMENT = "document"
 NOTHING = "–"
-_VARIANTS = {
+_VARIANTS = {  # methods of studies that are variants of an estimator
     "adam-frozen": "λ-Adam, link 7 frozen",
     "adam-zero": "λ-Adam, threshold 0",
     "adam-friction": "λ-Adam + friction",
@@ -22,7 +22,6 @@ _VARIANTS = {
     "map-dahl": "MAP + Dahl",
     "fixed-arm": "payload alone",
 }
-"""Methods of studies that are variants of an estimator."""
 BEST = ("map-friction", "map", "lm")
 """Method of this package that is compared with the document: the first one that a study has.
 

@@ -63,13 +63,12 @@ def _are_curves(shapes: Sequence[tuple[int, ...]], names: Sequence[str]) -> bool
 
 KINDS = ("table", "band", "lines", "path", "motion", "loglog", "bars")
 AGREEMENT = 1e-9  # relative difference of summary and trials; sums of doubles depend on their order
-WANTED = (
+WANTED = (  # Tables and figures of the document, by id
     *("fig-3.1", "fig-3.2", "excitation", "fig-3.3", "fig-4.1"),
     *(f"table-5.{k}" for k in (2, 3, 4, 5, 6, 7, 9, 10, 11, 12)),
     *(f"fig-5.{k}" for k in (1, 2, 3, 4, 5, 7, 8)),
     *("fig-A.1", "fig-A.2", "fig-A.3", "fig-A.4", "tables-B"),
 )
-"""Tables and figures of the document, by id."""
 _AGAIN = "run again: python -m runtime reproduce"
 
 

@@ -73,11 +73,10 @@ def single(
     )
 
 
-MAIN = (
+MAIN = (  # rows of Tables 5.2, 5.4 and 5.6
     *("airm", "frobenius_rms", "base_error", "iterations", "time_s", "consistent"),
     *("strict", "smallest_eigenvalue"),
 )
-"""Rows of Tables 5.2, 5.4 and 5.6."""
 
 
 def monte_carlo(
@@ -162,7 +161,7 @@ def _figure(name: str, case: Case) -> View:
     )
 
 
-IDEAL = monte_carlo(
+IDEAL = monte_carlo(  # Sec. 5.1.1: noise-free data, three perturbations of the initial guess
     "ideal",
     "Ideal case: noise-free data, perturbed initial guess",
     IDEAL_CASES,
@@ -172,7 +171,6 @@ IDEAL = monte_carlo(
         *(_figure(f"fig-5.{k}", case) for k, case in enumerate(IDEAL_CASES, start=1)),
     ),
 )
-"""Sec. 5.1.1: noise-free data, three perturbations of the initial guess."""
 
 SEVERE, THIRD = 0.1, 2  # noise [N·m] and trial of Fig. 5.4, or the last trial where there are fewer
 WORST = f"sigma={SEVERE:g}"
@@ -205,7 +203,7 @@ def _noise_finish(setup: MonteCarloSetup, rows: list[Row]) -> StudyOutcome:
     return StudyOutcome(series, facts)
 
 
-NOISE = monte_carlo(
+NOISE = monte_carlo(  # Sec. 5.1.3: noise on the torque of training and validation, p = 0.15
     "noise",
     "Robustness against torque noise",
     NOISE_CASES,
@@ -226,7 +224,6 @@ NOISE = monte_carlo(
         ),
     ),
 )
-"""Sec. 5.1.3: noise on the torque of training and validation, p = 0.15."""
 
 SINES_CASES = {
     Case("sinusoidal", 0.15, training="sinusoidal"): "trained on sines of 2 rad/s",

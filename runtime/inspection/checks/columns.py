@@ -55,14 +55,13 @@ UNIT_WORDS: dict[str, dict[str, str]] = {
     "torque": {"nm": "N*m", "mnm": "mN*m", "ma": "mA", "a": "A"}
     | dict.fromkeys(("pct", "percent", "rated", "permille"), RATED),
 }
-KIND_OF_UNIT = {
+KIND_OF_UNIT = {  # signal of a title in an unknown language, by its unit in brackets
     **dict.fromkeys(("s", "sec", "ms", "us", "µs", "ns"), "time"),
     **dict.fromkeys(("rad", "deg"), "position"),
     **dict.fromkeys(("rad/s", "deg/s", "rpm"), "velocity"),
     **dict.fromkeys(("rad/s^2", "rad/s²", "rad/s2", "deg/s^2", "deg/s²"), "acceleration"),
     **dict.fromkeys(("nm", "mnm", "a", "ma"), "torque"),
 }
-"""Signal of a title in an unknown language, by its unit in brackets."""
 
 
 @dataclass(frozen=True, slots=True)

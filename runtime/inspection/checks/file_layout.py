@@ -32,10 +32,9 @@ from runtime.recording.recipes.recipe import JSON_CELLS, SI, ControlLaw, Signal,
 
 _NO_CLOCK = Time(rate_hz=1.0)
 _NUMBER = re.compile(r"\d+(?=\D*$)")
-_CURRENT = re.compile(
+_CURRENT = re.compile(  # word for a motor current; current_torque is the present torque
     r"(?<![a-z])(curr|currents?|amps?|amperes?)(?![a-z])(?!.*(torque|effort|tau))"
 )
-"""Word for a motor current; current_torque is the present torque."""
 Group = dict[str, list[dict]]
 
 

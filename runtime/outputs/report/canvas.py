@@ -31,7 +31,7 @@ CYCLE = (BLUE, ORANGE, GREEN, VERMILION, SKY, PURPLE, GREY)  # colours of lines 
 
 PAGE_INK, PAGE_LINE = "#010203", "#010204"
 MEASURED, BEFORE, AFTER = "#010205", "#010206", "#010207"  # placeholder colours of a page's figures
-_VARIABLES = {
+_VARIABLES = {  # CSS variables for colours of pages and of figures that are also saved as files
     PAGE_INK: "ink",
     PAGE_LINE: "line",
     MEASURED: "measured",
@@ -47,7 +47,6 @@ _VARIABLES = {
     GREY: "measured",
     PALE: "line",
 }
-"""CSS variables for colours of pages and of figures that are also saved as files."""
 FORMATS = ("png", "pdf", "svg")
 WIDTH = 10.0  # width of a figure of a page [inch]; the page scales it
 OWNER = "m:"  # prefix of the gid of an artist that belongs to a method

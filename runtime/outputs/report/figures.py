@@ -15,12 +15,11 @@ if TYPE_CHECKING:
 
 POINTS, PANEL_POINTS = 6000, 1200  # of a trace over the page, and over a part of its width
 
-CURVES = (
+CURVES = (  # label and colour of the torques
     ("measured", canvas.MEASURED),
     ("predicted before", canvas.BEFORE),
     ("predicted after", canvas.AFTER),
 )
-"""Label and colour of the torques."""
 
 
 def torques(

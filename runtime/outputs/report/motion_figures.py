@@ -144,14 +144,13 @@ def _wires(axis: "Axes3D", low: Array, high: Array) -> None:
         label = "_"
 
 
-LINES = {
+LINES = {  # colour and line style, which is also distinguishable in black and white
     "position": (canvas.BLUE, "-"),
     "velocity": (canvas.ORANGE, "--"),
     "acceleration": (canvas.GREEN, "-."),
     "jerk": (canvas.PURPLE, ":"),
     "torque": (canvas.INK, "-"),
 }
-"""Colour and line style, which is also distinguishable in black and white."""
 PER_SECOND = {"position": "", "velocity": "/s", "acceleration": "/s²"}
 FAR = 3.0  # largest drawn limit, in peaks of the curve; larger ones stand in the title
 DPI = 130

@@ -15,7 +15,7 @@ INSTALL = "pip install 'symgen[export]'"
 SINGLE = 1e-6  # of single-precision attributes, relative: two roundings to 24 bits and the degrees
 _PER_DEGREE = 180 / np.pi
 _AXIS = "physxJointAxis:{axis}"
-TERMS = {
+TERMS = {  # quantity of a joint → its attribute for MuJoCo and those for PhysX
     "armature": ("mjc:armature", ("physxJoint:armature", f"{_AXIS}:armature")),
     "friction": (
         "mjc:frictionloss",
@@ -23,7 +23,6 @@ TERMS = {
     ),
     "damping": ("mjc:damping", (f"{_AXIS}:viscousFrictionCoefficient",)),
 }
-"""Quantity of a joint → its attribute for MuJoCo and those for PhysX."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,7 @@ from runtime.outputs.model_files.model import IdentifiedModel, springs_left_out
 from runtime.outputs.model_files.reload_check import unchecked
 from runtime.outputs.model_files.urdf_tree import digits, quoted, row
 
-PLACES = {
+PLACES = {  # template → place in the package
     "package.xml": "package.xml",
     "CMakeLists.txt": "CMakeLists.txt",
     "plugins.xml": "plugins.xml",
@@ -32,7 +32,6 @@ PLACES = {
     "gravity_compensation.cpp": "src/gravity_compensation.cpp",
     "gravity_compensation.launch.py": "launch/gravity_compensation.launch.py",
 }
-"""Template → place in the package."""
 
 
 class _Text(Template):

@@ -49,14 +49,13 @@ def tuple_of(values: Array) -> str:
 
 MOVING = {"revolute": "Revolute", "continuous": "Revolute", "prismatic": "Prismatic"}
 """Kind of a joint of a URDF → word in the name of the prim."""
-LOOPS = {
+LOOPS = {  # kind of a loop joint → type of its prim
     "fixed": "PhysicsFixedJoint",
     "revolute": "PhysicsRevoluteJoint",
     "prismatic": "PhysicsPrismaticJoint",
     "cylindrical": "PhysicsJoint",
     "spherical": "PhysicsSphericalJoint",
 }
-"""Kind of a loop joint → type of its prim."""
 _LOCKED = ("transX", "transY", "rotX", "rotY")
 
 

@@ -95,13 +95,12 @@ def inertials(model: IdentifiedModel) -> tuple[tuple[str, ...], Tables]:
     }
 
 
-_OF_CONFIG = {
+_OF_CONFIG = {  # key of Isaac Lab → key of a drive
     "armature": "armature",
     "friction": "coulomb",
     "dynamic_friction": "coulomb",
     "viscous_friction": "viscous",
 }
-"""Key of Isaac Lab → key of a drive."""
 
 
 def actuators(model: IdentifiedModel) -> tuple[tuple[str, ...], Tables]:

@@ -24,7 +24,7 @@ from runtime.monitoring.observation import (
 from runtime.recording.friction.columns import OFFSET, ROTOR, VISCOUS
 
 FILES = ("observer.h", "observer.c", "example_observer.c")
-FORMS = {
+FORMS = {  # friction column → C expression of the speed v, its smooth sign s, a memory's state z
     "viscous": "v",
     "coulomb": "s",
     "offset": "1.0",
@@ -32,7 +32,6 @@ FORMS = {
     "dahl": "z",
     "stribeck": "s * exp(-(v / STRIBECK) * (v / STRIBECK))",
 }
-"""Friction column → C expression of the speed v, its smooth sign s and the state z of a memory."""
 
 HEADER = Template("""/* $robot: external joint torque by a momentum observer, written by symgen.
  * Model $model_hash. */

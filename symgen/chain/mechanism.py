@@ -19,14 +19,13 @@ from runtime.common.records import Factors, Name, Record, Vector3, record_from_t
 from symgen.chain.coupling import CouplingRow
 from symgen.errors import UrdfError
 
-FREE_ROWS = {
+FREE_ROWS = {  # kind of a loop joint → components (x, y, z, turns about x, y, z) that stay free
     "fixed": (),
     "revolute": (5,),
     "prismatic": (2,),
     "cylindrical": (2, 5),
     "spherical": (3, 4, 5),
 }
-"""Kind of a loop joint → components (x, y, z, turn about x, y, z) of the frames that stay free."""
 IN_SHARED = ("spherical",)
 """Kinds whose rows are in axes of the last joint that moves both links; others: of the parent."""
 _ORIGIN = (0.0, 0.0, 0.0)

@@ -47,7 +47,7 @@ EXPRESSIONS = {  # CasADi operation → C expression for numbers
     ca.OP_OR: "(double)({0} != 0.0 || {1} != 0.0)",
     ca.OP_IF_ELSE_ZERO: "{0} != 0.0 ? {1} : 0.0",
 }
-_TILE_EXPRESSIONS = {
+_TILE_EXPRESSIONS = {  # CasADi operation → C expression for vectors, with functions of lanes.h
     op: EXPRESSIONS[op]
     for op in (
         *(ca.OP_ASSIGN, ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV),
@@ -71,7 +71,6 @@ _TILE_EXPRESSIONS = {
     ca.OP_OR: "vd_truth(({0} != 0.0) | ({1} != 0.0))",
     ca.OP_IF_ELSE_ZERO: "vd_if({0}, {1})",
 }
-"""CasADi operation → C expression for vectors; the functions are those of lanes.h."""
 _NEEDS_VECTORS = frozenset(  # operations whose shared operands must be broadcast to all lanes
     (ca.OP_ATAN2, ca.OP_FMIN, ca.OP_FMAX, ca.OP_IF_ELSE_ZERO, ca.OP_AND, ca.OP_OR)
 )

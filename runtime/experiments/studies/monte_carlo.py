@@ -262,7 +262,7 @@ def _sines_finish(setup: MonteCarloSetup, rows: list[Row]) -> StudyOutcome:
     return StudyOutcome(curves("sine", _sines(lib, config, setup)), facts)
 
 
-SINES = monte_carlo(
+SINES = monte_carlo(  # Sec. 5.1.2: training on sines or the designed motion, p = 0.15, noise-free
     "sinusoid",
     "Sinusoidal against optimised training trajectory",
     SINES_CASES,
@@ -273,7 +273,6 @@ SINES = monte_carlo(
     ),
     prepare=_sines_prepare,
 )
-"""Sec. 5.1.2: training on sines or on the designed motion, p = 0.15, noise-free."""
 
 DESIGNS = 20  # number of designs; their seeds are the numbers from `DesignsConfig.seed` · 20 on
 THRESHOLDS = ("adam", "adam-zero")

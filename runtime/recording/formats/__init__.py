@@ -5,7 +5,7 @@ from pathlib import Path
 from runtime.recording.formats.log_format import LogFormat
 from runtime.registry import Registry
 
-FORMATS = Registry(
+FORMATS = Registry(  # all log formats; packages add them by entry points of "symgen.log_formats"
     "symgen.log_formats",
     LogFormat,
     "layout",
@@ -19,7 +19,6 @@ FORMATS = Registry(
         "bag": "runtime.recording.formats.bag_format:BAG",
     },
 )
-"""All log formats; a package adds one by an entry point of the group "symgen.log_formats"."""
 
 FOLDERS = {"lerobot": "meta/info.json", "bag": "metadata.yaml"}
 """File that makes a folder one log, by the format of this package; known without its import."""

@@ -24,12 +24,8 @@ from runtime.estimators.contradictions import FOLLOWS
 from runtime.estimators.descent.fit import PRESETS
 from runtime.estimators.methods import DEFAULT, METHODS, chosen_method
 from runtime.estimators.optimizers import Status
+from runtime.identification.free_base import result as walks_result
 from runtime.identification.free_base.prepared_walk import usual_rows
-from runtime.identification.free_base.result import (
-    FreeBaseIdentification,
-    statistics_of_walk,
-    write_free_base,
-)
 from runtime.identification.identified import Identification
 from runtime.identification.identify import identify, with_row_marks
 from runtime.identification.posterior_file import spring_lines
@@ -42,7 +38,7 @@ from runtime.outputs.model_files.export import write_urdf
 from runtime.outputs.report.report import left_out_table, write_report
 from runtime.recording.recipes.recipe import COMMANDED
 
-AnyResult = Identification | FreeBaseIdentification
+AnyResult = Identification | walks_result.FreeBaseIdentification
 LEFT_OUT = "Leave one log out: torque error of each log"
 STATISTICS = "statistics.npz"
 
@@ -53,8 +49,8 @@ UNFINISHED = frozenset(
 
 def finish(result: AnyResult, folder: Path, given: IdentifySettings, inspect: str) -> None:
     """Write all files of a result, then print it: a pipe that closes costs no file."""
-    if isinstance(result, FreeBaseIdentification):
-        record = write_free_base(result, folder, command_line())
+    if isinstance(result, walks_result.FreeBaseIdentification):
+        record = walks_result.write_free_base(result, folder, command_line())
         files = [*_written(result, folder, given), f"result: {folder / 'result.json'}"]
         lines = print_walk(result)
     else:
@@ -165,7 +161,7 @@ def _written(result: AnyResult, folder: Path, given: IdentifySettings) -> list[s
         known = (
             statistics_of(result, name)
             if isinstance(result, Identification)
-            else statistics_of_walk(result, name)
+            else walks_result.statistics_of_walk(result, name)
         )
         write_statistics(known, folder / STATISTICS)
         lines.append(f"statistics: {folder / STATISTICS}")

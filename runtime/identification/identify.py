@@ -10,7 +10,7 @@ N(0, σ₀²), have the precision Σ 1/σ_k² − (K − 1)/σ₀².
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, TypeVar, Unpack, overload
+from typing import Any, Unpack, overload
 
 import numpy as np
 
@@ -306,17 +306,13 @@ def _named(log: Any) -> list[NamedLog]:
 def _walks(log: Any) -> list[FreeBaseRecording]:
     """The logs of a robot with a free base, with names that differ; empty for other logs."""
     each = [log] if isinstance(log, FreeBaseRecording) else log
-    if not isinstance(each, Sequence) or not all(isinstance(x, FreeBaseRecording) for x in each):
-        return []
-    return _distinct(each)
+    are_walks = isinstance(each, Sequence) and all(isinstance(x, FreeBaseRecording) for x in each)
+    return _distinct(each) if are_walks else []
 
 
-Named = TypeVar("Named", NamedLog, FreeBaseRecording)
-
-
-def _distinct(logs: Sequence[Named]) -> list[Named]:
+def _distinct(logs: Sequence[Any]) -> list[Any]:
     """The logs with names that differ."""
-    named: list[Named] = []
+    named: list[Any] = []
     for log in logs:
         name = log.name
         while name in {other.name for other in named}:

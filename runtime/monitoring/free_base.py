@@ -28,16 +28,8 @@ from runtime.identification.free_base.rows import sensor_errors
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.library.free_base import FREEDOM
+from runtime.monitoring import scores
 from runtime.monitoring.model import model_of
-from runtime.monitoring.scores import (
-    ChangedRows,
-    Changes,
-    changes_of,
-    changing_friction,
-    error_percent,
-    low_pass_inflation,
-    named_columns,
-)
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.friction.model import torque as friction_torque
 
@@ -51,21 +43,21 @@ PASSES, ENOUGH = 15, 1000
 """Passes of expectation–maximisation, and instants that they take."""
 
 
-def free_changes_of(lib: Library, saved: SavedResult, log: FreeBaseRecording) -> Changes:
+def free_changes_of(lib: Library, saved: SavedResult, log: FreeBaseRecording) -> scores.Changes:
     """Changes that logs as `log` show: those of bodies, and of torques where these are in rows."""
     none = np.zeros(0)
     if saved.record.rows == "base" or log.tau is None:
-        return Changes((), none, (), none)
+        return scores.Changes((), none, (), none)
     # Torque of other shapes is in the noise between blocks.
-    return replace(changes_of(lib, model_of(saved, lib), log.tau), ranges=none)
+    return replace(scores.changes_of(lib, model_of(saved, lib), log.tau), ranges=none)
 
 
 def free_changed_rows(
-    lib: Library, saved: SavedResult, log: FreeBaseRecording, changes: Changes, most: int
-) -> ChangedRows:
+    lib: Library, saved: SavedResult, log: FreeBaseRecording, changes: scores.Changes, most: int
+) -> scores.ChangedRows:
     """Equations of a log, low-passed as that of the result, at most `most` instants."""
     cutoff = saved.preparation.cutoff_hz
-    motion, rows, phi, _ = rows_by_result(log, lib, saved, cutoff, most)
+    motion, rows, phi = rows_by_result(log, lib, saved, cutoff, most)
     samples, errors = rows.samples, sensor_errors(motion.contacts)
     tau, base = samples.tau, samples.base_rows(lib)
     rest = tau - samples.rigid(lib, saved.pi) - samples.columns @ phi
@@ -75,7 +67,7 @@ def free_changed_rows(
     if changes.names and motion.tau is not None:
         friction = []
         if motion.friction is not None:
-            changing = changing_friction(model_of(saved, lib))
+            changing = scores.changing_friction(model_of(saved, lib))
             friction = [friction_torque(motion.friction, each, None) for each in changing]
         in_torques = rows.basis[:, -lib.n_joints :]
         basis = over @ in_torques.swapaxes(1, 2)
@@ -86,22 +78,22 @@ def free_changed_rows(
         by_model = motion.tau - _torques_of(in_torques, rest)
         sizes = np.sum(motion.tau**2, axis=0) / np.sum(motion.tau * by_model, axis=0)
         by_model *= sizes * (1 - share.clip(-LARGEST_SHARE, LARGEST_SHARE))
-        named = np.einsum("nmj,njc->nmc", basis, named_columns(motion.t, by_model, friction))
+        named = np.einsum("nmj,njc->nmc", basis, scores.named_columns(motion.t, by_model, friction))
     spread = samples.columns[:, :, : len(errors)] * np.array([sigma for _, sigma in errors])
     sessions = np.concatenate([rows.offsets, spread], axis=2)
     of_drives = samples.columns[:, :, len(errors) :]
     joints = slice(FREEDOM, None)
     moved = Samples(motion.q[:, joints], motion.dq[:, joints], None, tau, samples.columns)
-    return ChangedRows(
+    return scores.ChangedRows(
         motion.t,
         left,
-        error_percent(rest, tau),
+        scores.error_percent(rest, tau),
         np.concatenate([named, over @ base], axis=2),
         over @ np.concatenate([base, of_drives], axis=2),
         np.zeros((*tau.shape, 0)),
         # Noise of an accelerometer is in the columns at all frequencies.
         slow_cosines(moved, least_hz=0.0),
-        low_pass_inflation(cutoff, motion.t),
+        scores.low_pass_inflation(cutoff, motion.t),
         sessions=over @ sessions,
     )
 

@@ -25,25 +25,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.estimators.choice.friction_choice import (
-    FRICTION_MODELS,
-    FrictionChoice,
-    choose_among,
-    in_blocks,
-)
+from runtime.estimators.choice import friction_choice
 from runtime.estimators.methods import fit_by
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import FrictionPrior, NoiseFloor, Problem
 from runtime.estimators.regression.samples import SILENT, Samples, residuals, thesis_weights
-from runtime.identification.free_base.rows import (
-    CHOSEN,
-    Drives,
-    FreeBaseRows,
-    contact_jacobian,
-    is_opposite,
-    reading_errors,
-    rows_of,
-)
+from runtime.identification.free_base import rows as equations
 from runtime.identification.result_record import VerticalForcePart
 from runtime.library import Array, Library
 from runtime.library.free_base import FREEDOM
@@ -70,7 +57,7 @@ def measured_vertical(lib: Library, motion: FreeBaseMotion) -> Array | None:
     if np.isnan(wrench[:, :, :3]).any():
         return None
     force = np.where(np.isnan(wrench), 0.0, wrench).reshape(len(motion), -1)
-    on_base = np.einsum("nck,nc->nk", contact_jacobian(lib, motion), force)
+    on_base = np.einsum("nck,nc->nk", equations.contact_jacobian(lib, motion), force)
     return np.einsum("ni,ni->n", motion.rotation[:, 2], on_base[:, :3])
 
 
@@ -87,7 +74,8 @@ def vertical_force(
     measured = measured_vertical(lib, motion)
     if measured is None or not measured.any():
         return None
-    by_sensors, mean = (reading_errors(lib, motion) @ phi).sum(axis=1), float(measured.mean())
+    by_sensors = (equations.reading_errors(lib, motion) @ phi).sum(axis=1)
+    mean = float(measured.mean())
     before = needed_vertical(lib, motion, lib.pi0) - measured
     after = needed_vertical(lib, motion, pi) + by_sensors - measured
     percent = (100 * float(rms(each)) / abs(mean) for each in (before, after))
@@ -109,7 +97,7 @@ class RowNoise:
 
 def noise_of(
     lib: Library,
-    trained: FreeBaseRows,
+    trained: equations.FreeBaseRows,
     sensors: FrictionPrior | None,
     cutoff_hz: float | None,
     seconds: float,
@@ -167,7 +155,9 @@ PASSES, ENOUGH = 12, 500
 """Limit of the number of passes, and instants that they take."""
 ENOUGH_TO_CHOOSE = 2000
 """Instants that the choice of a friction model takes."""
-CANDIDATES = tuple(name for name, columns in FRICTION_MODELS.items() if LOAD.name not in columns)
+CANDIDATES = tuple(
+    name for name, columns in friction_choice.FRICTION_MODELS.items() if LOAD.name not in columns
+)
 """Friction models to choose from: the load of a joint is not known beside unknown wrenches."""
 DONE_S, DONE = 1e-4, 0.03
 """Step of the delay [s] and relative change of σ at the end."""
@@ -188,9 +178,9 @@ def drives_of(
     delay_s: float | None,
     train_at: TrainAt,
     prior: PriorFile | None,
-) -> Drives:
+) -> equations.Drives:
     """Delay, unless it is stated, and noise of the rows that train."""
-    drives = Drives(terms, None, 0.0 if delay_s is None else delay_s, delay_s is None)
+    drives = equations.Drives(terms, None, 0.0 if delay_s is None else delay_s, delay_s is None)
     few: FreeBaseMotion | None = None
     for _ in range(PASSES):
         if few is None:
@@ -206,14 +196,14 @@ def drives_of(
                     )
             before = _first_noise(lib, few)
             drives = replace(drives, covariance=before)
-            samples = rows_of(lib, few, choice, drives).samples
+            samples = equations.rows_of(lib, few, choice, drives).samples
             for name, some in few.each():
-                if is_opposite(samples.rigid(lib, lib.pi0)[some], samples.tau[some]):
+                if equations.is_opposite(samples.rigid(lib, lib.pi0)[some], samples.tau[some]):
                     raise IdentificationError(
                         f"{name}: the torques are opposite to those that move the URDF, expected "
                         "those that the drives apply to the joints; change their sign"
                     )
-        rows = rows_of(lib, few, choice, drives)
+        rows = equations.rows_of(lib, few, choice, drives)
         samples = rows.samples
         names = drives.names(lib.joint_names)
         problem = problem_of(lib, samples, samples, names, unit_noise(samples), None)
@@ -238,8 +228,8 @@ def _thinned(motion: FreeBaseMotion, most: int) -> FreeBaseMotion:
 
 
 def friction_by_choice(
-    lib: Library, choice: str, first: Drives, train_at: TrainAt
-) -> FrictionChoice:
+    lib: Library, choice: str, first: equations.Drives, train_at: TrainAt
+) -> friction_choice.FrictionChoice:
     """Friction model by cross-validation of the rows that train, over the noise of first drives.
 
     The columns of `first` beyond `COLUMNS` are those of every candidate.
@@ -248,10 +238,10 @@ def friction_by_choice(
     def blocks(terms: Friction) -> list[Samples]:
         motion = _thinned(train_at(first.delay_s, terms), ENOUGH_TO_CHOOSE)
         drives = replace(first, terms=terms, is_delay_unknown=False)
-        return in_blocks(rows_of(lib, motion, choice, drives).samples)
+        return friction_choice.in_blocks(equations.rows_of(lib, motion, choice, drives).samples)
 
     extra = tuple(name for name in first.terms.columns if name not in COLUMNS[:2])
-    return choose_among(lib, blocks, names=CANDIDATES, extra=extra)
+    return friction_choice.choose_among(lib, blocks, names=CANDIDATES, extra=extra)
 
 
 def problem_of(
@@ -292,10 +282,10 @@ def _first_noise(lib: Library, motion: FreeBaseMotion) -> Array:
     return np.diag(sigma**2)
 
 
-def _noise(rows: FreeBaseRows, error: Array, covariance: Array, choice: str) -> Array:
+def _noise(rows: equations.FreeBaseRows, error: Array, covariance: Array, choice: str) -> Array:
     """Covariance of the rows after a pass, (6 + n, 6 + n)."""
     part = covariance_after(np.eye(len(rows.root)), rows.basis, error)
-    used = CHOSEN[choice]
+    used = equations.CHOSEN[choice]
     covariance = covariance.copy()
     covariance[used, used] = rows.root @ part @ rows.root.T
     return covariance

@@ -15,40 +15,19 @@ from runtime.estimators.friction_bounds import ERROR_OF
 from runtime.estimators.methods import fit_by
 from runtime.estimators.optimizers import Status
 from runtime.estimators.problem import Fit, FrictionPrior, Problem
+from runtime.estimators.regression.samples import Samples, residuals
 from runtime.estimators.robust import robust_problem
 from runtime.estimators.uncertainty import visible_noise
 from runtime.identification import metrics
+from runtime.identification import result_record as schema
 from runtime.identification.drive.symmetry import sides_of, tied_prior
-from runtime.identification.free_base.drives import (
-    RowNoise,
-    noise_of,
-    problem_of,
-    rms,
-    unit_noise,
-    vertical_force,
-)
+from runtime.identification.free_base import drives
+from runtime.identification.free_base import result as results
 from runtime.identification.free_base.plausibility import notes_on_errors
 from runtime.identification.free_base.prepared_walk import PreparedWalk, notes_on, prepared_walk
-from runtime.identification.free_base.result import (
-    Evidence,
-    FreeBaseIdentification,
-    total_mass,
-    uncertainty_of,
-)
-from runtime.identification.free_base.rows import Drives, FreeBaseRows
+from runtime.identification.free_base.rows import FreeBaseRows
 from runtime.identification.problem_setup import PARTS, Assembly, ShownRows
 from runtime.identification.result_file import provenance_of, record_about, stated_steps
-from runtime.identification.result_record import (
-    Coefficient,
-    Delay,
-    FrictionPart,
-    MirroredPair,
-    RecordingPart,
-    SessionsPart,
-    TrainedPart,
-    error_parts,
-    plain,
-)
 from runtime.identification.settings import Settings, cutoff_of
 from runtime.identification.several_logs import agreement_of
 from runtime.identification.single_log import refit_note
@@ -64,23 +43,24 @@ from runtime.recording.settings import WIDTHS
 @one_blas_thread
 def identify_free_base(
     logs: Sequence[FreeBaseRecording], lib: Library, settings: Settings, *, trim_s: float = 0.0
-) -> FreeBaseIdentification:
+) -> results.FreeBaseIdentification:
     """Identify π of a robot with a free base; a delay of commands is estimated unless stated.
 
     Offsets of contact sensors are those of one log each, all other coefficients are common.
     """
     data = prepared_walk(logs, lib, settings, trim_s)
-    settings, drives = data.settings, data.drives
+    settings = data.settings
     trained = final = _fitted(data, data.parts[0])
     said = list[str]()
-    if settings.refit and trained.is_complete:
+    if settings.refit and trained.fit.status != Status.INTERRUPTED.value:
         whole = _fitted(data, data.instants, trained.noise is not None)
-        final = whole if whole.is_complete else trained
-        rows, of_train = len(data.instants), len(data.parts[0])
-        said = [refit_note(rows, of_train, "errors", whole.is_complete)]
+        is_complete = whole.fit.status != Status.INTERRUPTED.value
+        final = whole if is_complete else trained
+        counts = len(data.instants), len(data.parts[0])
+        said = [refit_note(*counts, "errors", is_complete)]
     fit, evidence, places = final.fit, final.evidence, data.of_drives
     root, notes = evidence.phi_root, [*final.notes, *notes_on(data, trained.rows, trained.noise)]
-    mirrored: tuple[MirroredPair, ...] = ()
+    mirrored: tuple[schema.MirroredPair, ...] = ()
     if settings.symmetric:
         mirrored, of_sides = _sides(data, final, root)
         notes = [*of_sides, *notes]
@@ -88,14 +68,16 @@ def identify_free_base(
     if len(logs) > 1:
         sessions, of_logs = _agreement(data)
         notes = [*of_logs, *notes]
-    tested, test = data.tested, data.motion.rows(data.parts[-1])
-    names, shown = tested.shown(drives is not None)
-    by_urdf = tested.samples.rigid(lib, lib.pi0)
-    measured, before, after = map(shown, (tested.samples.tau, by_urdf, trained.predicted(tested)))
+    (names, tested), test = data.tested.shown(), data.motion.rows(data.parts[-1])
+    measured, before = tested.tau, tested.rigid(lib, lib.pi0)
+    after = trained.predicted(tested)
     errors = [metrics.torque_error(measured, each) for each in (before, after)]
-    percent, sizes = error_parts(*errors)
+    percent, sizes = schema.error_parts(*errors)
+    of_errors = notes_on_errors(
+        *(drives.rms(measured), errors[1].rms, final.phi, data.sensors), bool(logs[0].joint_names)
+    )
     deviations = np.linalg.norm(root, axis=1)
-    sensors = dict(zip(data.sensors, final.phi[: places.start].tolist(), strict=True))
+    of_sensors = zip(data.sensors, final.phi, deviations, strict=False)
     cutoff_hz = cutoff_of(settings.cutoff)
     preparation = Preparation()
     if cutoff_hz is not None:
@@ -109,64 +91,61 @@ def identify_free_base(
         method=data.method.name,
         base="free",
         status=fit.status,
-        recording=RecordingPart.with_gaps(
-            name=data.name,
+        recording=schema.RecordingPart.with_gaps(
+            name=" + ".join(data.motion.logs),
             duration=data.motion.seconds,
             samples={"train": len(data.parts[0]), "validation": 0, "test": len(test)},
             preparation=stated_steps(preparation),
         ),
         torque_source=COMMANDED if is_commanded else MEASURED,
-        delay_s=_delay(drives, fit, deviations) if is_late else None,
+        delay_s=_delay(data, fit, deviations) if is_late else None,
         torque_error_percent=percent,
         torque_rms=sizes,
         consistent=bool(lib.relative_eigenvalues(fit.pi).min() > 0),
-        uncertainty=uncertainty_of(evidence),
+        uncertainty=results.uncertainty_of(evidence),
         friction=None
         if not terms.columns
-        else FrictionPart(
+        else schema.FrictionPart(
             columns=terms.columns,
-            values=plain(phi),
+            values=schema.plain(phi),
             **{key: getattr(terms, key) for key in WIDTHS},
-            sigma=plain(spread),
+            sigma=schema.plain(spread),
         ),
         symmetric=mirrored or None,
-        warnings=(
-            *fit.notes,
-            *notes,
-            *said,
-            *notes_on_errors(
-                *(rms(measured), errors[1].rms, sensors, list(data.sensors.values())),
-                bool(logs[0].joint_names),
-            ),
-        ),
-        provenance=provenance_of(lib, "", data.files, None),
+        warnings=(*fit.notes, *notes, *said, *of_errors),
+        provenance=provenance_of(lib, "", _files(logs), None),
         rows=data.rows,
         error_rows=names,
         error_units=data.units_of(names),
-        total_mass=total_mass(evidence),
-        vertical_force=vertical_force(lib, test, trained.fit.pi, trained.phi[: places.start]),
+        total_mass=results.total_mass(evidence),
+        vertical_force=drives.vertical_force(
+            lib, test, trained.fit.pi, trained.phi[: places.start]
+        ),
         sensors={
-            name: Coefficient(value=value, sigma=plain(sigma))
-            for (name, value), sigma in zip(
-                sensors.items(), deviations[: places.start], strict=True
-            )
+            name: schema.Coefficient(value=float(value), sigma=schema.plain(float(sigma)))
+            for name, value, sigma in of_sensors
         }
         or None,
         sessions=sessions,
         trained=None
         if final is trained
-        else TrainedPart(
-            pi=plain(trained.fit.pi),
-            friction_values=plain(trained.phi[places].reshape(lib.n_joints, -1)),
+        else schema.TrainedPart(
+            pi=schema.plain(trained.fit.pi),
+            friction_values=schema.plain(trained.phi[places].reshape(lib.n_joints, -1)),
         ),
     )
-    return FreeBaseIdentification(
+    return results.FreeBaseIdentification(
         *(record, fit.pi, terms, phi, preparation),
         row_marks=np.unique(np.concatenate([row_marks(log.joints) for log in logs]))[:COUNT],
         lib=lib,
         evidence=evidence,
         predictions={"t": test.t, "measured": measured, "before": before, "after": after},
     )
+
+
+def _files(logs: Sequence[FreeBaseRecording]) -> dict[str, str]:
+    """Digest of every file."""
+    return {file: digest for log in logs for file, digest in log.source.items()}
 
 
 def assembly_of_walks(
@@ -177,11 +156,12 @@ def assembly_of_walks(
     motions = [data.motion.rows(part) for part in data.parts]
     rows = [data.rows_of(motion) for motion in motions]
     problem, _, _ = _problem(data, rows[0], motions[0].seconds, rows[1])
-    names, _ = data.tested.shown(data.drives is not None)
-    samples = [each.shown_samples(data.drives is not None) for each in rows]
-    shown = ShownRows(dict(zip(PARTS, samples, strict=True)), (names, data.units_of(names)))
+    names, _ = data.tested.shown()
+    samples = {part: each.shown()[1] for part, each in zip(PARTS, rows, strict=True)}
+    shown = ShownRows(samples, (names, data.units_of(names)))
+    name = " + ".join(data.motion.logs)
     train, held_out, test = (
-        Recording(motion.t, motion.q[:, FREEDOM:], name=data.name, source=data.files)
+        Recording(motion.t, motion.q[:, FREEDOM:], name=name, source=_files(logs))
         for motion in motions
     )
     names = data.motion.logs if len(logs) > 1 else ()
@@ -195,24 +175,18 @@ class WalkFit:
 
     rows: FreeBaseRows
     fit: Fit
-    evidence: Evidence
-    noise: RowNoise | None
+    evidence: results.Evidence
+    noise: drives.RowNoise | None
     notes: tuple[str, ...]
-
-    @property
-    def is_complete(self) -> bool:
-        """Whether nobody interrupted it."""
-        return self.fit.status != Status.INTERRUPTED.value
 
     @property
     def phi(self) -> Array:
         """Coefficients of sensors, drives and delay, (K,)."""
         return np.asarray(self.fit.phi[0])
 
-    def predicted(self, rows: FreeBaseRows) -> Array:
-        """Right side of other equations, (N, m)."""
-        lib, samples = self.evidence.lib, rows.samples
-        return np.asarray(samples.rigid(lib, self.fit.pi) + samples.columns @ self.phi)
+    def predicted(self, rows: Samples) -> Array:
+        """Right side of other rows, (N, m)."""
+        return rows.tau + residuals(self.evidence.lib, rows, self.fit.pi, self.phi)
 
 
 def _fitted(data: PreparedWalk, instants: Integers, are_few: bool = False) -> WalkFit:
@@ -244,38 +218,37 @@ def _problem(
     seconds: float,
     held_out: FreeBaseRows,
     are_few: bool = False,
-) -> tuple[Problem, Array, RowNoise | None]:
+) -> tuple[Problem, Array, drives.RowNoise | None]:
     """The problem of equations, weights of its instants, and its noise if that is of the URDF."""
     samples, weights, noise = rows.samples, np.ones(len(rows.samples)), None
-    sensors, drives, sensed = data.sensors, data.drives, None
+    sensors, sensed = data.sensors, None
     if sensors:
         sigma = list(sensors.values())
         sensed = FrictionPrior.of_some(samples.shape, np.s_[0, : len(sigma)], 0.0, sigma)
     columns = tuple(f"{ERROR_OF}{name}" for name in sensors)
-    if drives is None:
+    if data.drives is None:
         cutoff_hz = cutoff_of(data.settings.cutoff)
-        noise = noise_of(data.lib, rows, sensed, cutoff_hz, seconds, are_few)
+        noise = drives.noise_of(data.lib, rows, sensed, cutoff_hz, seconds, are_few)
         floor = None if noise is None else noise.floor
         if noise is not None:
             weights = noise.weights
             samples = samples.weighted(weights)
     else:
-        columns, floor = (*columns, *drives.names(data.lib.joint_names)), unit_noise(samples)
-    problem = problem_of(data.lib, samples, held_out.samples, columns, floor, sensed)
+        columns = (*columns, *data.drives.names(data.lib.joint_names))
+        floor = drives.unit_noise(samples)
+    problem = drives.problem_of(data.lib, samples, held_out.samples, columns, floor, sensed)
     if data.known_friction is not None:
         problem = _with_known(problem, data.known_friction, data.of_drives)
     return problem, weights, noise
 
 
-def _agreement(data: PreparedWalk) -> tuple[SessionsPart, tuple[str, ...]]:
+def _agreement(data: PreparedWalk) -> tuple[schema.SessionsPart, tuple[str, ...]]:
     """Comparison of several logs by all of their instants."""
     instants = [np.intersect1d(data.instants, of_log) for _, of_log in data.motion.each()]
-    rows = [data.rows_of(data.motion.rows(some)) for some in instants]
+    rows = [data.rows_of(data.motion.rows(some)).over_rows() for some in instants]
 
     def predicted(walk: WalkFit | None, k: int) -> Array:
-        some, lib = rows[k], data.lib
-        values = some.samples.rigid(lib, lib.pi0) if walk is None else walk.predicted(some)
-        return some.over_rows(values)
+        return rows[k].rigid(data.lib, data.lib.pi0) if walk is None else walk.predicted(rows[k])
 
     return agreement_of(
         data.lib,
@@ -283,7 +256,7 @@ def _agreement(data: PreparedWalk) -> tuple[SessionsPart, tuple[str, ...]]:
         lambda numbers: _fitted(data, np.concatenate([instants[k] for k in numbers])),
         lambda walk: (walk.fit.pi, walk.evidence.posterior.pi_root),
         predicted,
-        [each.over_rows(each.samples.tau) for each in rows],
+        [each.tau for each in rows],
         payload_kg=(0.0,) * len(rows),
         train_samples=tuple(map(len, instants)),
         offsets=None,
@@ -293,38 +266,38 @@ def _agreement(data: PreparedWalk) -> tuple[SessionsPart, tuple[str, ...]]:
 def _with_known(problem: Problem, known: FrictionPrior, of_drives: slice) -> Problem:
     """The problem with a prior of friction (n, k) beside that of the sensors."""
     shape, sensed = problem.train.shape, problem.friction_prior
-    mean, sigma = known.mean.ravel(), known.sigma.ravel()
-    prior = FrictionPrior.of_some(shape, np.s_[0, of_drives], mean, sigma)
+    stated = known.mean.ravel(), known.sigma.ravel()
+    prior = FrictionPrior.of_some(shape, np.s_[0, of_drives], *stated)
     return replace(problem, friction_prior=prior if sensed is None else prior.over(sensed))
 
 
-def _delay(drives: Drives | None, fit: Fit, deviations: Array) -> Delay | None:
+def _delay(data: PreparedWalk, fit: Fit, deviations: Array) -> schema.Delay | None:
     """Delay of the torques, whose coefficient is the last; a stated one is exact."""
-    if drives is None:
+    if data.drives is None:
         return None
-    if not drives.is_delay_unknown:
-        return Delay(value=drives.delay_s, sigma=0.0)
-    late = drives.delay_s + float(fit.phi[0, -1])
-    return Delay(value=late, sigma=plain(float(deviations[-1])))
+    if not data.drives.is_delay_unknown:
+        return schema.Delay(value=data.drives.delay_s, sigma=0.0)
+    late = data.drives.delay_s + float(fit.phi[0, -1])
+    return schema.Delay(value=late, sigma=schema.plain(float(deviations[-1])))
 
 
 def _sides(
     data: PreparedWalk, walk: WalkFit, root: Array
-) -> tuple[tuple[MirroredPair, ...], tuple[str, ...]]:
+) -> tuple[tuple[schema.MirroredPair, ...], tuple[str, ...]]:
     """Comparison of the drives of mirrored joints, and notes on it."""
-    rows, places, columns = data.tested, data.of_drives, data.friction.columns
+    rows, places, columns = data.tested.over_rows(), data.of_drives, data.friction.columns
     return sides_of(
         *(data.lib.joint_names, tuple(data.settings.symmetric), columns),
         walk.phi[places].reshape(data.lib.n_joints, -1),
         root[places] if columns else None,
-        rows.over_rows(rows.samples.tau - walk.predicted(rows)),
-        lambda change: rows.over_rows(rows.samples.columns[:, :, places] @ change.ravel()),
+        rows.tau - walk.predicted(rows),
+        lambda change: rows.columns[:, :, places] @ change.ravel(),
     )
 
 
 def _evidence(
     data: PreparedWalk, problem: Problem, fit: Fit, offsets: Array, seconds: float
-) -> Evidence:
+) -> results.Evidence:
     """Data and priors about a fit; offsets (N, m, o) of sensors move π and φ."""
     lib, samples, prior = data.lib, problem.train, data.settings.prior
     if data.method.is_most_probable:
@@ -335,7 +308,7 @@ def _evidence(
         )
     level, known = max(noise.density, float(np.finfo(float).tiny)), problem.friction_prior
     columns = np.concatenate([samples.base_rows(lib), samples.friction_rows()], axis=2)
-    return Evidence(
+    return results.Evidence(
         lib,
         fit.pi,
         statistics,

@@ -5,31 +5,18 @@
 The base needs no joint torque, so its six equations show in which convention a wrench fits.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from itertools import combinations, permutations
 
 import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.estimators.prior_file import PriorFile
-from runtime.identification.free_base.rows import (
-    VERTICAL,
-    FreeBaseRows,
-    contact_jacobian,
-    is_opposite,
-)
+from runtime.identification.free_base import rows as equations
 from runtime.library import Array, Integers, Library
 from runtime.library.free_base import FREEDOM
 from runtime.library.parameters import links, mass
-from runtime.recording.consistency import (
-    DEGREE,
-    LEAST_RATE,
-    STRIDE,
-    UNITS_OF_TIME,
-    sentence_on_limits,
-    slopes_of,
-    unit_of_slopes,
-)
+from runtime.recording import consistency
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion
 from runtime.recording.recording import Recording
@@ -71,16 +58,16 @@ def require_clock(recording: FreeBaseRecording) -> None:
         measured = Recording(t, recording.position, dq=velocity)
     else:
         rate = 1.0 / float(np.median(np.diff(t)))
-        if rate < LEAST_RATE:
+        if rate < consistency.LEAST_RATE:
             raise IdentificationError(
                 f"{name} has no velocities, and its rate of {rate:.3g} Hz is too low to "
                 "differentiate the positions; give t in s"
             )
         return
-    if len(t) <= 2 * STRIDE:
+    if len(t) <= 2 * consistency.STRIDE:
         return
-    slopes = slopes_of(measured)
-    if pair := unit_of_slopes(slopes, UNITS_OF_TIME):
+    slopes = consistency.slopes_of(measured)
+    if pair := consistency.unit_of_slopes(slopes, consistency.UNITS_OF_TIME):
         unit, wrong = pair
         raise IdentificationError(
             f"{name}: time looks like {unit}, positions change by {slopes[wrong[0]]:.3g} times "
@@ -97,12 +84,13 @@ def require_joint_units(lib: Library, motion: FreeBaseMotion, name: str) -> None
             f"{_FASTEST:g}; give positions in m and t in s, or a low-pass with --cutoff"
         )
     q, dq = motion.q[:, FREEDOM:], motion.dq[:, FREEDOM:]
-    if sentence := sentence_on_limits(q, lib):
+    if sentence := consistency.sentence_on_limits(q, lib):
         raise IdentificationError(
             f"{name}: {sentence}; give q in this unit, and the names of its columns by joints"
         )
-    looks = {"degrees per second": 1 / DEGREE, "radians for q in degrees": DEGREE}
-    if pair := unit_of_slopes(slopes_of(Recording(motion.t, q, dq=dq)), looks):
+    degree, slopes = consistency.DEGREE, consistency.slopes_of(Recording(motion.t, q, dq=dq))
+    looks = {"degrees per second": 1 / degree, "radians for q in degrees": degree}
+    if pair := consistency.unit_of_slopes(slopes, looks):
         unit, wrong = pair
         raise IdentificationError(
             f"{name}: the velocity of joint '{lib.joint_names[wrong[0]]}' looks like {unit}, "
@@ -111,7 +99,7 @@ def require_joint_units(lib: Library, motion: FreeBaseMotion, name: str) -> None
 
 
 def require_forces_on_robot(
-    lib: Library, rows: FreeBaseRows, instants: Integers, name: str
+    lib: Library, rows: equations.FreeBaseRows, instants: Integers, name: str
 ) -> None:
     """Refuse opposite wrenches, such as forces on the ground, by the equations of the base."""
     alone = not any(row in rows.names for row in lib.joint_names)
@@ -120,7 +108,7 @@ def require_forces_on_robot(
         return
     kept = slice(None) if alone else slice(FREEDOM)
     some = rows.samples.rows(instants)
-    if is_opposite(some.rigid(lib, lib.pi0)[:, kept], some.tau[:, kept]):
+    if equations.is_opposite(some.rigid(lib, lib.pi0)[:, kept], some.tau[:, kept]):
         raise IdentificationError(
             f"{name}: the contact wrenches are opposite to those that hold the URDF, expected "
             "forces on the robot; change their sign, or give quaternions of base_pose as x y z w"
@@ -130,8 +118,8 @@ def require_forces_on_robot(
 def notes_on_errors(
     rms: Array,
     after: Array,
-    sensors: dict[str, float],
-    sigma: Sequence[float],
+    phi: Array,
+    sensors: Mapping[str, float],
     joints_are_named: bool = True,
 ) -> tuple[str, ...]:
     """Notes on rows that the result does not explain, and on sensors far from what was stated."""
@@ -150,7 +138,7 @@ def notes_on_errors(
             "and wrenches do not fit this robot and motion; check names and order of joints"
             f"{unnamed} and contacts, contact_position, contact_kind, contact_axes and units"
         )
-    for (name, value), spread in zip(sensors.items(), sigma, strict=True):
+    for (name, spread), value in zip(sensors.items(), phi, strict=False):
         if abs(value) > _FAR * spread:
             notes.append(
                 f"sensors: the error of {name} is {abs(value) / spread:.1f} times its stated "
@@ -173,7 +161,7 @@ _NEAR = 0.25
 def require_contact_conventions(lib: Library, motion: FreeBaseMotion, name: str) -> None:
     """Refuse wrenches under names of other contacts, in other axes, halves or units."""
     contacts = motion.contacts
-    vertical = contacts.wrench[..., VERTICAL]
+    vertical = contacts.wrench[..., equations.VERTICAL]
     if contacts.axes == "world" and contacts.links and not np.isnan(vertical).any():
         # The mean of the vertical forces is the weight of the URDF, or it has another unit.
         mean = float(vertical.sum(axis=1).mean())
@@ -190,7 +178,7 @@ def require_contact_conventions(lib: Library, motion: FreeBaseMotion, name: str)
     some = motion.rows(known[np.linspace(0, known.size - 1, _INSTANTS).astype(int)])
     needed = lib.inverse_dynamics(some.q, some.dq, some.ddq, lib.pi0)[:, :FREEDOM]
     shape = (len(some), len(contacts.links), 6, -1)
-    jacobian = contact_jacobian(lib, some).reshape(shape)[..., :FREEDOM]
+    jacobian = equations.contact_jacobian(lib, some).reshape(shape)[..., :FREEDOM]
     stated = float(np.linalg.norm(needed - _force(jacobian, some.contacts.wrench)))
     others = _other_conventions(lib, some, jacobian)
     distance = {key: float(np.linalg.norm(needed - force)) for key, force in others.items()}
@@ -205,9 +193,9 @@ def require_torque_sign(lib: Library, motion: FreeBaseMotion, name: str) -> None
     if motion.tau is None or np.isnan(wrench).any():
         return
     needed = lib.inverse_dynamics(motion.q, motion.dq, motion.ddq, lib.pi0)[:, FREEDOM:]
-    jacobian = contact_jacobian(lib, motion)[..., FREEDOM:]
+    jacobian = equations.contact_jacobian(lib, motion)[..., FREEDOM:]
     needed = needed - np.einsum("nck,nc->nk", jacobian, wrench.reshape(len(motion), -1))
-    if is_opposite(needed, motion.tau):
+    if equations.is_opposite(needed, motion.tau):
         raise IdentificationError(
             f"{name}: tau is opposite to the torques that move the URDF, expected those that the "
             "drives apply to the joints; change its sign"

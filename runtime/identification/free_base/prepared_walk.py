@@ -9,30 +9,9 @@ from runtime.errors import IdentificationError
 from runtime.estimators.methods import METHODS, Method, chosen_method, methods_from_statistics
 from runtime.estimators.problem import FrictionPrior
 from runtime.identification.drive.symmetry import with_mirrored_links
-from runtime.identification.free_base.drives import (
-    COLUMNS,
-    EARLIEST_S,
-    LATEST_S,
-    RowNoise,
-    drives_of,
-    friction_by_choice,
-)
-from runtime.identification.free_base.plausibility import (
-    require_clock,
-    require_contact_conventions,
-    require_forces_on_robot,
-    require_joint_units,
-    require_prior_of_rows,
-    require_torque_sign,
-)
-from runtime.identification.free_base.rows import (
-    OFFSET_SIGMA,
-    Drives,
-    FreeBaseRows,
-    rows_of,
-    sensor_errors,
-    with_contact_states,
-)
+from runtime.identification.free_base import drives as row_noise
+from runtime.identification.free_base import plausibility
+from runtime.identification.free_base import rows as equations
 from runtime.identification.problem_setup import known_friction
 from runtime.identification.settings import AUTO, Settings, cutoff_of, friction_of, require_default
 from runtime.library import Integers, Library
@@ -74,7 +53,7 @@ def settings_of_walks(
             f"{', '.join(methods_from_statistics())}"
         )
     for log in logs:
-        require_clock(log)
+        plausibility.require_clock(log)
         if log.is_commanded != logs[0].is_commanded:
             raise IdentificationError(
                 "some of the logs hold commanded torques and some measured ones, whose friction "
@@ -98,36 +77,13 @@ class PreparedWalk:
     method: Method
     rows: str  # base, joints or all
     motion: FreeBaseMotion
-    drives: Drives | None
+    drives: equations.Drives | None
+    friction: Friction  # columns of the drives
+    known_friction: FrictionPrior | None  # prior of their coefficients, (n, k)
+    sensors: dict[str, float]  # σ of the errors of sensors, whose coefficients are first
     parts: tuple[Integers, ...]  # instants of training, of validation unless it is joined, of test
-    tested: FreeBaseRows
+    tested: equations.FreeBaseRows
     notes: tuple[str, ...]
-
-    @property
-    def name(self) -> str:
-        """Names of the logs."""
-        return " + ".join(log.name for log in self.logs)
-
-    @property
-    def files(self) -> dict[str, str]:
-        """Digest of every file."""
-        return {file: digest for log in self.logs for file, digest in log.source.items()}
-
-    @property
-    def friction(self) -> Friction:
-        """Friction columns."""
-        return Friction(()) if self.drives is None else self.drives.terms
-
-    @property
-    def known_friction(self) -> FrictionPrior | None:
-        """Prior of the friction coefficients, (n, k)."""
-        columns = self.friction.columns
-        return known_friction(self.lib, self.settings, columns, self.friction) if columns else None
-
-    @property
-    def sensors(self) -> dict[str, float]:
-        """σ of the errors of sensors, whose coefficients are first."""
-        return dict(sensor_errors(self.motion.contacts, self.motion.logs))
 
     @property
     def of_drives(self) -> slice:
@@ -140,9 +96,9 @@ class PreparedWalk:
         """Instants of all parts."""
         return np.sort(np.concatenate(self.parts))
 
-    def rows_of(self, motion: FreeBaseMotion) -> FreeBaseRows:
+    def rows_of(self, motion: FreeBaseMotion) -> equations.FreeBaseRows:
         """Equations of some instants."""
-        return rows_of(self.lib, motion, self.rows, self.drives)
+        return equations.rows_of(self.lib, motion, self.rows, self.drives)
 
     def units_of(self, names: Sequence[str]) -> tuple[str, ...]:
         """Units of rows; none of equations that mix them."""
@@ -170,7 +126,7 @@ def prepared_walk(
     rows = settings.rows or usual_rows(logs)
     cutoff_hz, drives, notes = cutoff_of(settings.cutoff), None, list[str]()
     if is_commanded:
-        states = [with_contact_states(log, lib) for log in logs]
+        states = [equations.with_contact_states(log, lib) for log in logs]
         logs = [log for log, _ in states]
         notes = [f"{log.name}: {note}" if len(logs) > 1 else note
                  for log, said in states for note in said]  # fmt: skip
@@ -178,9 +134,9 @@ def prepared_walk(
     if terms is None and settings.prior is not None:
         terms = settings.prior.friction_model
     if terms is None:
-        terms = Friction(COLUMNS if is_commanded else ())
+        terms = Friction(row_noise.COLUMNS if is_commanded else ())
     has_drives = is_commanded or bool(terms.columns) or settings.delay is not None
-    require_prior_of_rows(settings.prior, has_drives)
+    plausibility.require_prior_of_rows(settings.prior, has_drives)
 
     def motion_at(late: float, columns: Friction | None) -> FreeBaseMotion:
         return joined([motion_of(log, lib.joint_names, cutoff_hz, late, columns) for log in logs])
@@ -191,7 +147,7 @@ def prepared_walk(
                 "friction and delay belong to the torques of joints, which the rows of the base do "
                 "not contain; use --settings rows=all with a log that has tau"
             )
-        trim_s = max(trim_s, LATEST_S, 0.0 if cutoff_hz is None else 1.0 / cutoff_hz)
+        trim_s = max(trim_s, row_noise.LATEST_S, 0.0 if cutoff_hz is None else 1.0 / cutoff_hz)
 
         def train_at(late: float, columns: Friction) -> FreeBaseMotion:
             motion = motion_at(late, columns)
@@ -199,26 +155,30 @@ def prepared_walk(
 
         delay_s = _stated_delay(settings.delay, is_commanded)
         if terms.columns[:1] == (AUTO,):
-            more = terms.columns[1:] or (COLUMNS[2:] if is_commanded else ())
-            usual = replace(terms, columns=(*COLUMNS[:2], *more))
-            first = drives_of(lib, rows, usual, delay_s, train_at, settings.prior)
-            choice = friction_by_choice(lib, rows, first, train_at)
+            more = terms.columns[1:] or (row_noise.COLUMNS[2:] if is_commanded else ())
+            usual = replace(terms, columns=(*row_noise.COLUMNS[:2], *more))
+            first = row_noise.drives_of(lib, rows, usual, delay_s, train_at, settings.prior)
+            choice = row_noise.friction_by_choice(lib, rows, first, train_at)
             terms, notes = choice.chosen.terms, [*notes, choice.sentence]
-        drives = drives_of(lib, rows, terms, delay_s, train_at, settings.prior)
+        drives = row_noise.drives_of(lib, rows, terms, delay_s, train_at, settings.prior)
     late, columns = (0.0, None) if drives is None else (drives.delay_s, drives.terms)
     motion = motion_at(late, columns)
     for name, instants in motion.each():
-        require_joint_units(lib, motion.rows(instants), name)
+        plausibility.require_joint_units(lib, motion.rows(instants), name)
     parts = parts_of(motion, shares, trim_s, None if drives is None else cutoff_hz)
     train, test = motion.rows(parts[0]), motion.rows(parts[-1])
-    trained, tested = (rows_of(lib, part, rows, drives) for part in (train, test))
+    trained, tested = (equations.rows_of(lib, part, rows, drives) for part in (train, test))
     for name, instants in train.each():
         if drives is None:
-            require_forces_on_robot(lib, trained, instants, name)
-        require_contact_conventions(lib, train.rows(instants), name)
-        require_torque_sign(lib, train.rows(instants), name)
-    of_logs = (logs, lib, settings, method)
-    return PreparedWalk(*of_logs, rows, motion, drives, parts, tested, tuple(notes))
+            plausibility.require_forces_on_robot(lib, trained, instants, name)
+        plausibility.require_contact_conventions(lib, train.rows(instants), name)
+        plausibility.require_torque_sign(lib, train.rows(instants), name)
+    return PreparedWalk(
+        *(logs, lib, settings, method, rows, motion, drives, terms),
+        known_friction(lib, settings, terms.columns, terms) if terms.columns else None,
+        dict(equations.sensor_errors(motion.contacts, motion.logs)),
+        *(parts, tested, tuple(notes)),
+    )
 
 
 def _stated_delay(delay: float | str | None, is_commanded: bool) -> float | None:
@@ -231,10 +191,10 @@ def _stated_delay(delay: float | str | None, is_commanded: bool) -> float | None
         seconds = float(delay)
     except ValueError:
         seconds = float("nan")
-    if not EARLIEST_S <= seconds <= LATEST_S:
+    first, last = row_noise.EARLIEST_S, row_noise.LATEST_S
+    if not first <= seconds <= last:
         raise IdentificationError(
-            f"--delay needs {AUTO} or a number of {EARLIEST_S:g} to {LATEST_S:g} s here, got "
-            f"'{delay}'"
+            f"--delay needs {AUTO} or a number of {first:g} to {last:g} s here, got '{delay}'"
         )
     return seconds
 
@@ -265,7 +225,9 @@ def parts_of(
     return tuple(map(np.concatenate, parts))
 
 
-def notes_on(data: PreparedWalk, trained: FreeBaseRows, noise: RowNoise | None) -> tuple[str, ...]:
+def notes_on(
+    data: PreparedWalk, trained: equations.FreeBaseRows, noise: row_noise.RowNoise | None
+) -> tuple[str, ...]:
     """Sentences on the rows: how many, with which noise and offsets, and what was not read."""
     notes = list(data.notes)
     if noise is not None:
@@ -276,13 +238,13 @@ def notes_on(data: PreparedWalk, trained: FreeBaseRows, noise: RowNoise | None) 
             "noise, without its mean and errors of sensors"
         )
     if trained.offsets.size:
-        force, moment = OFFSET_SIGMA[[0, -1]]
+        force, moment = equations.OFFSET_SIGMA[[0, -1]]
         notes.append(
             f"intervals contain constant offsets of the contact sensors of {force:g} N and "
             f"{1e3 * moment:g} mN·m (σ): an offset of a force changes the total mass by as much; "
             "state the standard deviation of those of vertical forces in N by contact_force_z_sigma"
         )
-    fewest, left = np.sort(trained.left)[[0, -1]]
+    fewest, left = np.sort(trained.basis.any(axis=1).sum(axis=1))[[0, -1]]
     if fewest < len(trained.names):
         counts = f"{left}" if fewest == left else f"{fewest} to {left}"
         notes.append(

@@ -15,7 +15,7 @@ from runtime.estimators.convex.entropic_prior import Prior, com_sigma
 from runtime.estimators.friction_bounds import OF
 from runtime.estimators.prior_file import prior_about
 from runtime.estimators.regression.factor import Elimination, Reduced, Statistics, reduce
-from runtime.estimators.regression.samples import NORMAL_95
+from runtime.estimators.regression.samples import NORMAL_95, residuals
 from runtime.estimators.uncertainty import (
     IDENTIFIED,
     PRIOR_DOMINATED,
@@ -23,23 +23,11 @@ from runtime.estimators.uncertainty import (
     Spread,
     laplace,
 )
+from runtime.identification import result_record as schema
+from runtime.identification.free_base import rows as equations
 from runtime.identification.free_base.drives import rms
-from runtime.identification.free_base.rows import (
-    Drives,
-    FreeBaseRows,
-    rows_of,
-    sensor_errors,
-    with_contact_states,
-)
 from runtime.identification.posterior_file import SavedPosterior
 from runtime.identification.result_file import require_size, write_files
-from runtime.identification.result_record import (
-    ResultRecord,
-    TotalMass,
-    UncertaintyPart,
-    link_uncertainties,
-    plain,
-)
 from runtime.identification.saved_result import SavedResult
 from runtime.identification.statistics_file import UnitStatistics, unit_statistics
 from runtime.library import Array, Library
@@ -154,7 +142,9 @@ def statistics_of_walk(result: FreeBaseIdentification, unit: str) -> UnitStatist
     return unit_statistics(result.lib, unit, known, terms, terms.columns)
 
 
-def write_free_base(result: FreeBaseIdentification, folder: Path, command: str) -> ResultRecord:
+def write_free_base(
+    result: FreeBaseIdentification, folder: Path, command: str
+) -> schema.ResultRecord:
     """Write result.json, predictions.npz and posterior.npz into a folder."""
     record = result.record
     record = record.replace(provenance=record.provenance.replace(command=command))
@@ -175,11 +165,11 @@ def marginal(statistics: Statistics, kept: slice) -> Statistics:
     return replace(statistics, factor=left[:, :-1], target=left[:, -1])
 
 
-def total_mass(evidence: Evidence) -> TotalMass:
+def total_mass(evidence: Evidence) -> schema.TotalMass:
     """Mass of the robot; its σ contains the sensors' offsets."""
     total, root = float(mass(links(evidence.pi)).sum()), evidence.posterior.pi_root
     sigma = float(np.linalg.norm(root[MASS::N_PARAMETERS].sum(axis=0)))
-    return TotalMass(
+    return schema.TotalMass(
         value=total,
         sigma=sigma,
         interval=(total - NORMAL_95 * sigma, total + NORMAL_95 * sigma),
@@ -187,14 +177,14 @@ def total_mass(evidence: Evidence) -> TotalMass:
     )
 
 
-def uncertainty_of(evidence: Evidence) -> UncertaintyPart:
+def uncertainty_of(evidence: Evidence) -> schema.UncertaintyPart:
     """Posterior of π."""
     lib, pi, root = evidence.lib, evidence.pi, evidence.posterior.pi_root
     sigma, share = np.linalg.norm(root, axis=1), evidence.now[3].by_kappa.share
     verdicts = [IDENTIFIED if s < DETERMINED else PRIOR_DOMINATED for s in share]
     masses = zip(lib.link_names, verdicts[::N_PARAMETERS], strict=True)
     prior = [name for name, verdict in masses if verdict == PRIOR_DOMINATED]
-    return UncertaintyPart.with_gaps(
+    return schema.UncertaintyPart.with_gaps(
         advice=f"the log hardly determines the mass of {', '.join(prior)}: measure the wrenches of "
         "its contacts, or record a motion that moves it"
         if prior
@@ -203,10 +193,10 @@ def uncertainty_of(evidence: Evidence) -> UncertaintyPart:
         inflation=evidence.inflation,
         excited=len(lib.base_columns),
         boundary=bool(np.abs(lib.relative_eigenvalues(pi)).min() < BOUNDARY),
-        links=link_uncertainties(sigma, com_sigma(root, pi), verdicts),
-        pi_sigma=plain(sigma),
-        posterior_over_prior=plain(share),
-        beta_sigma=plain(np.linalg.norm(lib.base_matrix @ root, axis=1)),
+        links=schema.link_uncertainties(sigma, com_sigma(root, pi), verdicts),
+        pi_sigma=schema.plain(sigma),
+        posterior_over_prior=schema.plain(share),
+        beta_sigma=schema.plain(np.linalg.norm(lib.base_matrix @ root, axis=1)),
         noise=(),
         model_band=(),
         white_lag_share=(),
@@ -219,16 +209,16 @@ def rows_by_result(
     saved: SavedResult,
     cutoff_hz: float | None,
     most: int | None = None,
-) -> tuple[FreeBaseMotion, FreeBaseRows, Array, bool]:
-    """Equations of another log, at most `most` instants, φ of all columns, and if of drives too."""
+) -> tuple[FreeBaseMotion, equations.FreeBaseRows, Array]:
+    """Equations of another log, at most `most` instants, and φ of all columns."""
     record, drives, late = saved.record, None, 0.0
     # What a commanded torque loses in the drives, a measured one need not.
     of_drives = record.torque_source == MEASURED and (record.friction or record.delays)
     if recording.is_commanded:
-        recording, _ = with_contact_states(recording, lib)
+        recording, _ = equations.with_contact_states(recording, lib)
     if recording.is_commanded or of_drives:
         late = next((each.value for each in record.delays if isinstance(each.value, float)), 0.0)
-        drives = Drives(saved.friction, delay_s=late)
+        drives = equations.Drives(saved.friction, delay_s=late)
     terms = None if drives is None else saved.friction
     motion = motion_of(recording, lib.joint_names, cutoff_hz, late, terms)
     # At the ends the low-pass and the shift by the delay lack samples.
@@ -236,15 +226,15 @@ def rows_by_result(
     inside = (motion.t >= motion.t[0] + ends) & (motion.t <= motion.t[-1] - ends)
     step = 1 if most is None else max(1, -(-int(inside.sum()) // most))
     motion = motion.rows(np.flatnonzero(inside)[::step])
-    rows = rows_of(lib, motion, record.rows or "all", drives)
+    rows = equations.rows_of(lib, motion, record.rows or "all", drives)
     known = record.sensors or {}
     # Of several logs the mean of their offsets.
     sensors = [
         np.mean([x.value or 0.0 for key, x in known.items() if key.partition(OF)[0] == name] or [0])
-        for name, _ in sensor_errors(motion.contacts)
+        for name, _ in equations.sensor_errors(motion.contacts)
     ]
     phi = np.concatenate([np.array(sensors, dtype=float), saved.phi.ravel() if drives else []])
-    return motion, rows, phi, drives is not None
+    return motion, rows, phi
 
 
 def free_base_errors(
@@ -255,10 +245,9 @@ def free_base_errors(
     `size` is that of forces and torques, `before` that of errors of the URDF, and `after` that of
     errors of the result with friction, delay and errors of sensors.
     """
-    _, rows, phi, has_drives = rows_by_result(recording, lib, saved, cutoff_hz)
-    measured = rows.samples.tau
-    before = rows.samples.rigid(lib, lib.pi0)
-    after = rows.samples.rigid(lib, saved.pi) + rows.samples.columns @ phi
-    names, shown = rows.shown(has_drives)
-    each = {"size": measured, "before": before - measured, "after": after - measured}
-    return names, {key: rms(shown(values)).tolist() for key, values in each.items()}
+    _, rows, phi = rows_by_result(recording, lib, saved, cutoff_hz)
+    names, shown = rows.shown()
+    before = residuals(lib, shown, lib.pi0, np.zeros(0))
+    after = residuals(lib, shown, saved.pi, phi)
+    each = {"size": shown.tau, "before": before, "after": after}
+    return names, {key: rms(values).tolist() for key, values in each.items()}

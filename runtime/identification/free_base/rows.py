@@ -31,7 +31,7 @@ Forces, and the moment that remains, are shared by the contacts like the vertica
 contact carries the robot this is exact; the sum over contacts of equal axes always is.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,7 +40,7 @@ from scipy.spatial.transform import Rotation
 from runtime.errors import IdentificationError
 from runtime.estimators.friction_bounds import OF
 from runtime.estimators.regression.samples import Samples, names_of_equations
-from runtime.library import Array, Integers, Library, Mask
+from runtime.library import Array, Library, Mask
 from runtime.library.free_base import FREEDOM
 from runtime.recording.free_base import Contacts, FreeBaseRecording
 from runtime.recording.friction.coupled_motors import Coupling, spread
@@ -172,37 +172,24 @@ class FreeBaseRows:
     samples: Samples  # rows Y_b and their right side; m rows per instant
     basis: Array  # (N, k, m) N of the k chosen rows; identity where every wrench was measured
     names: tuple[str, ...]  # of the k chosen rows
-    # (N, k) right side before the multiplication; contact wrenches that were measured and torques,
-    # over `root`
-    known: Array
     root: Array  # (k, k) L, what the rows were divided by
     offsets: Array  # (N, m, o) N_o, columns of constant offsets of σ that the intervals contain
+    has_drives: bool  # whether equations are divided by the noise of the drives, too
 
-    def over_rows(self, values: Array) -> Array:
-        """Values of the equations, (N, m), as the least values of the chosen rows, (N, k)."""
-        return np.asarray(np.einsum("nkm,nm->nk", self.basis, values) @ self.root.T)
-
-    def shown(self, has_drives: bool) -> tuple[tuple[str, ...], Callable[[Array], Array]]:
-        """Names of the rows whose errors are stated, and the map of equations to them."""
-        return (self.names, self.over_rows) if has_drives else (self.equations, np.asarray)
-
-    def shown_samples(self, has_drives: bool) -> Samples:
-        """Equations as the rows whose errors are stated."""
-        if not has_drives:
-            return self.samples
+    def over_rows(self) -> Samples:
+        """The equations as the least values of the chosen rows."""
         back, samples = self.root @ self.basis, self.samples
-        tau = self.over_rows(samples.tau)
+        tau = np.einsum("nkm,nm->nk", back, samples.tau)
         return _samples(back @ np.asarray(samples.base), tau, back @ samples.columns)
+
+    def shown(self) -> tuple[tuple[str, ...], Samples]:
+        """Names of the rows whose errors are stated, and these rows."""
+        return (self.names, self.over_rows()) if self.has_drives else (self.equations, self.samples)
 
     @property
     def equations(self) -> tuple[str, ...]:
         """Names of the m equations: those of the rows where no wrench was eliminated."""
         return names_of_equations(self.names, self.samples.equations)
-
-    @property
-    def left(self) -> Integers:
-        """(N,) number of equations of every instant that unknown wrenches leave."""
-        return np.asarray(self.basis.any(axis=1).sum(axis=1))
 
 
 def rows_of(
@@ -234,7 +221,7 @@ def rows_of(
         ]
     )  # fmt: skip
     errors = np.swapaxes(jacobian[:, VERTICAL::6], 1, 2) @ reading_errors(lib, motion)
-    names = tuple(lib.row_names[k] for k in kept)
+    names, has_drives = tuple(lib.row_names[k] for k in kept), drives is not None
     if drives is not None:
         torques = drives.columns(motion)
         torques = np.concatenate([np.zeros((count, FREEDOM, torques.shape[2])), torques], axis=1)
@@ -246,7 +233,7 @@ def rows_of(
     offsets = _offsets(jacobian, motion)
     if not unknown.any():
         basis = np.broadcast_to(np.eye(len(kept)), (count, len(kept), len(kept)))
-        return FreeBaseRows(_samples(y, known, errors), basis, names, known, root, offsets)
+        return FreeBaseRows(_samples(y, known, errors), basis, names, root, offsets, has_drives)
     basis = _null_spaces(jacobian, unknown)
     if not basis.size:
         more = ", or torques and --settings rows=all" if choice == "base" else ""
@@ -264,7 +251,7 @@ def rows_of(
             "--settings rows=all"
         )
     samples = _samples(back @ y, left, back @ errors)
-    return FreeBaseRows(samples, basis, names, known, root, back @ offsets)
+    return FreeBaseRows(samples, basis, names, root, back @ offsets, has_drives)
 
 
 def _offsets(jacobian: Array, motion: FreeBaseMotion) -> Array:

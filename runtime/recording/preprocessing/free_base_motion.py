@@ -265,8 +265,7 @@ def joined(motions: Sequence[FreeBaseMotion]) -> FreeBaseMotion:
         return first
     for other in others:
         for key in _OF_CONTACTS:
-            one, two = (getattr(each.contacts, key) for each in (first, other))
-            if not np.array_equal(one, two):
+            if not np.array_equal(getattr(first.contacts, key), getattr(other.contacts, key)):
                 raise RecordingError(
                     f"{other.logs[0]} has other contacts than {first.logs[0]} ({key}), and one fit "
                     "needs the same in all logs; list every contact in each, with contact_flags 0 "

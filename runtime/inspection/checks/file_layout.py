@@ -253,6 +253,8 @@ def signal_parts(place: Path, names: tuple[str, ...]) -> Group:
         if has_titles(path):
             reader = LogFiles(path, Recipe()).reader(path.name, "")
             for kind, part in (*_arrays(reader, file, len(names)), *_texts(reader, file, names)):
+                if path.suffix.lower() == ".parquet":
+                    part["where"]["layout"] = "parquet"
                 signals[kind].append(part)
     for parts in signals.values():
         parts.sort(key=lambda part: not part["measured"])

@@ -139,8 +139,8 @@ def tool(torque_rows: TorqueRows) -> list[Finding]:
     com = centre_of_mass(body)
     link, centre = lib.link_names[-1], ", ".join(f"{c:.3f}" for c in com)
     what = (
-        "the model lacks a body that is mounted there: build the robot with the tool, or "
-        "identify it with the command payload"
+        "the model lacks a body that is mounted there, or its links are too light: build the robot "
+        "with the tool, or identify it with the command payload"
         if mass_kg > 0
         else "the model contains a body that is not mounted, such as a hand: build the robot with "
         "--tip set to the link before it"

@@ -22,7 +22,7 @@ from runtime.recording.recipes.recipe import Recipe, Signal, Time
 from runtime.recording.recording import Recording
 
 KIND = "a Parquet file"
-BATCH = 65536
+BATCH, HEAD = 65536, 50  # rows of a batch, and those in which titles are compared with numbers
 
 MOST_CELLS = 5_000_000  # largest number of cells of a table whose rows are held as Python objects
 
@@ -128,6 +128,15 @@ class ParquetLog:
             )
         return _floats(cells.flatten()).reshape(len(cells), widths[0])
 
+    def first_cells(self, lists: bool = False) -> dict[str, list[Any]]:
+        """First cells of every column, of those of lists too if requested."""
+        with undamaged(self.name, KIND):
+            kinds = zip(self.columns, self._file.schema_arrow.types, strict=True)
+            names = [name for name, kind in kinds if lists or not _is_list(kind)]
+            for batch in self._file.iter_batches(HEAD, columns=names, use_threads=False):
+                return dict(zip(names, (batch.column(k).to_pylist() for k in names), strict=True))
+        raise self._other_rows()
+
     def _require(self, columns: tuple[str, ...]) -> None:
         missing = [column for column in columns if column not in self.columns]
         twice = [column for column in columns if self.columns.count(column) > 1]
@@ -187,7 +196,9 @@ def parquet_columns(columns: Columns, key: str, names: tuple[str, ...]) -> tuple
 
 def _floats(cells: Any) -> Array:
     """Numbers as float64; null is NaN."""
-    return np.asarray(cells.cast("float64").to_numpy(zero_copy_only=False), dtype=np.float64)
+    # Stamps in ns are beyond 2^53, which a safe cast refuses.
+    cells = cells.cast("float64", safe=False)
+    return np.asarray(cells.to_numpy(zero_copy_only=False), dtype=np.float64)
 
 
 def _is_list(kind: Any) -> bool:
@@ -260,6 +271,23 @@ class ParquetReader(LogReader):
         with closing(ParquetLog(self.raw.hashed())) as log:
             return log.table(parquet_columns(part.columns, part.key, log.columns))
 
+    def head(self) -> list[list[str]]:
+        """Titles and the first rows of columns without lists."""
+        with closing(ParquetLog(self.raw.hashed())) as log:
+            cells = log.first_cells()
+        rows = zip(*(values for values in cells.values()), strict=True)
+        return [list(cells), *([str(cell) for cell in row] for row in rows)]
+
+    def arrays(self) -> dict[str, tuple[int, ...]]:
+        """Columns of lists, and the others beside them."""
+        with closing(ParquetLog(self.raw.hashed())) as log:
+            cells, count = log.first_cells(lists=True), log.rows
+        shapes: dict[str, tuple[int, ...]] = {
+            name: (count, len(values[0])) if isinstance(values[0], list) else (count,)
+            for name, values in cells.items()
+        }
+        return shapes if any(len(shape) > 1 for shape in shapes.values()) else {}
+
     def rows(self, parts: Mapping[str, Signal | Time]) -> LogRows:
         """Rows of the columns, decoded batch by batch."""
         log = ParquetLog(self.raw.hashed())
@@ -278,5 +306,6 @@ PARQUET = LogFormat(
     suffixes=(".parquet",),
     reader=ParquetReader,
     write=_write,
+    has_titles=True,
     reads_time_alone=True,
 )

@@ -7,6 +7,8 @@ is in a published log or model as it is. What is expected is what was put in.
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from runtime import Recording, write_recording
@@ -127,6 +129,25 @@ def test_9_semicolons_and_foreign_titles(lib: Library, clean: Recording, tmp_pat
     result = inspect_log(log, lib)
     assert set(sentences(result)) == {"position_unit", "velocity_unit", "time_unit"}
     require_no_warning(result, log, lib, tmp_path)
+
+
+@pytest.mark.parametrize("is_list", [False, True])
+def test_9_titles_of_a_parquet(lib: Library, clean: Recording, tmp_path: Path, is_list) -> None:
+    """Property: titles of another logger in Parquet, with stamps of ns beyond 2^53 and a text."""
+    values = {"Position [deg]": clean.q * 180 / np.pi, "Velocity [rad/s]": clean.dq}
+    values["Effort"] = clean.tau
+    table = {"stamp_ns": (1.7e18 + clean.t * 1e9).astype(np.int64), "mode": ["RUN"] * len(clean)}
+    for title, each in values.items():
+        if is_list:
+            table[f"Joint {title}"] = each.tolist()
+        else:
+            table |= {f"Joint {j} {title}": each[:, j - 1] for j in (2, 3, 4, 1, 5, 6, 7)}
+    pq.write_table(pa.table(table), tmp_path / "log.parquet")
+    result = inspect_log(tmp_path / "log.parquet", lib)
+    assert sentences(result) == {}
+    assert (result.plan.time.unit, result.plan.position.unit) == ("ns", "deg")
+    np.testing.assert_allclose(result.recording.q, clean.q, atol=1e-9)
+    require_no_warning(result, tmp_path / "log.parquet", lib, tmp_path)
 
 
 def test_9_joints_in_another_order(lib, clean, saved, tmp_path) -> None:

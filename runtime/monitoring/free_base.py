@@ -33,14 +33,10 @@ from runtime.monitoring.model import model_of
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.friction.model import torque as friction_torque
 
-LARGEST_SHARE = 0.5
-"""Share of a measured torque that may be that of a wrong gain."""
-LEAST = 1e-3
-"""Noise of an equation relative to its size, at least."""
-SMALL = 1e-2
-"""Share of the torques in an equation below which they hardly enter it."""
-PASSES, ENOUGH = 15, 1000
-"""Passes of expectation–maximisation, and instants that they take."""
+LARGEST_SHARE = 0.5  # share of a measured torque that may be that of a wrong gain
+LEAST = 1e-3  # noise of an equation relative to its size, at least
+SMALL = 1e-2  # share of the torques in an equation below which they hardly enter it
+PASSES, ENOUGH = 15, 1000  # passes of expectation–maximisation, and instants that they take
 
 
 def free_changes_of(lib: Library, saved: SavedResult, log: FreeBaseRecording) -> scores.Changes:

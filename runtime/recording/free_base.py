@@ -102,13 +102,10 @@ _KEYS = (
     *("tau_command", "q_des", "dq_des", "tau_ff", "kp", "kd"),
     *("imu_gyro", "imu_acceleration", "imu_position"),
 )
-GRAVITY = 9.81
-"""Gravity in what an accelerometer reads [m/s²]."""
-_FEWEST_ROWS = 8
-"""Fewest instants of a recording."""
+GRAVITY = 9.81  # gravity in what an accelerometer reads [m/s²]
+_FEWEST_ROWS = 8  # fewest instants of a recording
 
-_ZIP = b"PK"
-"""First bytes of an NPZ."""
+_ZIP = b"PK"  # first bytes of an NPZ
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -298,8 +295,7 @@ def _from_imu(file: _File, t: Array, rotation: Array) -> tuple[Array, Array]:
     return np.hstack([np.zeros_like(omega), omega]), np.hstack([linear, alpha])
 
 
-UNKNOWN = np.nan
-"""Component of a contact wrench that was not measured."""
+UNKNOWN = np.nan  # component of a contact wrench that was not measured
 
 _LIFTED = 2.0
 """Force of lifted contacts over that of loaded ones from which flags count as inverted."""
@@ -395,8 +391,7 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(np.square(values)))) if values.size else 0.0
 
 
-_SAME = 1e-3
-"""Largest difference between two statements of the same pose [m, entries of R]."""
+_SAME = 1e-3  # largest difference between two statements of the same pose [m, entries of R]
 
 _EULER = ("base_position", "base_rpy")
 

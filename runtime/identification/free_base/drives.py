@@ -38,8 +38,7 @@ from runtime.recording.friction.columns import LOAD
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion
 from runtime.recording.settings import Friction
 
-FREEDOMS = 4.0
-"""ν of Student's t."""
+FREEDOMS = 4.0  # ν of Student's t
 MOST_FITS, STEADY = 200, 1e-6
 """Limit of the number of fits, and largest relative change of σ at the end."""
 
@@ -151,16 +150,13 @@ def _student(rest: Array, columns: Array, known: Array, independent: float) -> t
 
 COLUMNS = ("viscous", "coulomb", "rotor")
 """Friction columns by default: a computed torque has no offset of a sensor."""
-PASSES, ENOUGH = 12, 500
-"""Limit of the number of passes, and instants that they take."""
-ENOUGH_TO_CHOOSE = 2000
-"""Instants that the choice of a friction model takes."""
+PASSES, ENOUGH = 12, 500  # limit of the number of passes, and instants that they take
+ENOUGH_TO_CHOOSE = 2000  # instants that the choice of a friction model takes
 CANDIDATES = tuple(
     name for name, columns in friction_choice.FRICTION_MODELS.items() if LOAD.name not in columns
 )
 """Friction models to choose from: the load of a joint is not known beside unknown wrenches."""
-DONE_S, DONE = 1e-4, 0.03
-"""Step of the delay [s] and relative change of σ at the end."""
+DONE_S, DONE = 1e-4, 0.03  # step of the delay [s] and relative change of σ at the end
 MOST_STEP_S, EARLIEST_S, LATEST_S = 0.02, -0.03, 0.1
 """Largest step of a pass, and range of the delay [s]."""
 FIRST = 0.05

@@ -59,15 +59,10 @@ def identify_free_base(
         counts = len(data.instants), len(data.parts[0])
         said = [refit_note(*counts, "errors", is_complete)]
     fit, evidence, places = final.fit, final.evidence, data.of_drives
-    root, notes = evidence.phi_root, [*final.notes, *notes_on(data, trained.rows, trained.noise)]
-    mirrored: tuple[schema.MirroredPair, ...] = ()
-    if settings.symmetric:
-        mirrored, of_sides = _sides(data, final, root)
-        notes = [*of_sides, *notes]
-    sessions = None
-    if len(logs) > 1:
-        sessions, of_logs = _agreement(data)
-        notes = [*of_logs, *notes]
+    root = evidence.phi_root
+    mirrored, of_sides = _sides(data, final, root) if settings.symmetric else ((), ())
+    sessions, of_logs = _agreement(data) if len(logs) > 1 else (None, ())
+    notes = (*of_logs, *of_sides, *final.notes, *notes_on(data, trained.rows, trained.noise))
     (names, tested), test = data.tested.shown(), data.motion.rows(data.parts[-1])
     measured, before = tested.tau, tested.rigid(lib, lib.pi0)
     after = trained.predicted(tested)

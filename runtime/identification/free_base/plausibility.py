@@ -23,8 +23,7 @@ from runtime.recording.recording import Recording
 
 _FASTEST = 300.0
 """RMS acceleration of the base, m/s², from which its unit or its noise is wrong: 30 times g."""
-_UNEXPLAINED = 0.5
-"""Error over RMS of half of the rows from which a note states it."""
+_UNEXPLAINED = 0.5  # error over RMS of half of the rows from which a note states it
 _FAR = 3.0
 """Distance of a sensor's error from 0 in its standard deviations from which a note states it."""
 
@@ -150,10 +149,8 @@ def notes_on_errors(
 _CLOSER = 3.0
 """Residual in the stated convention over that in another one from which the latter is named."""
 _INSTANTS = 300
-_ALL = 4
-"""Number of contacts up to which every permutation is tried; beyond it, exchanges of two."""
-_UNITS = {"kgf": 9.81, "kN": 1e3, "mN": 1e-3}
-"""Unit of force → N."""
+_ALL = 4  # number of contacts up to which every permutation is tried; beyond it, exchanges of two
+_UNITS = {"kgf": 9.81, "kN": 1e3, "mN": 1e-3}  # unit of force → N
 _NEAR = 0.25
 """Relative distance of a mean vertical force from the weight of the URDF that names its unit."""
 

@@ -20,8 +20,7 @@ from runtime.recording import Friction, Split
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion, joined, motion_of
 
-ROWS_PER_PERIOD = 5.0
-"""Rows per period of the cut-off of a log with drives."""
+ROWS_PER_PERIOD = 5.0  # rows per period of the cut-off of a log with drives
 NOT_TAKEN = (
     *("preparation", "rate", "regressor", "encoder_bias", "validation", "test", "lam0"),
     *("inputs", "certify", "gain_sigma"),

@@ -36,8 +36,7 @@ from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion, motion_of
 from runtime.recording.recipes.recipe import MEASURED
 
-DETERMINED = 0.5
-"""Posterior over prior variance below which an entry counts as identified."""
+DETERMINED = 0.5  # posterior over prior variance below which an entry counts as identified
 
 
 @dataclass(frozen=True, eq=False)  # no slots: what it determines is computed once and kept

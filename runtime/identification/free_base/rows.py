@@ -47,18 +47,13 @@ from runtime.recording.friction.coupled_motors import Coupling, spread
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion, places_of
 from runtime.recording.settings import Friction
 
-DELAY = "delay of the commands"
-"""Name of the coefficient δ [s]."""
-VERTICAL = 2
-"""Place of the vertical force within a wrench."""
-SMALLEST_OFFSET = 1e-6
-"""Smallest standard deviation of an offset of a force sensor [N]."""
+DELAY = "delay of the commands"  # name of the coefficient δ [s]
+VERTICAL = 2  # place of the vertical force within a wrench
+SMALLEST_OFFSET = 1e-6  # smallest standard deviation of an offset of a force sensor [N]
 OFFSET_SIGMA = np.repeat([1.0, 0.05], 3)
 """Standard deviation of the offsets of a wrench sensor, where the log states none [N, N·m]."""
-SMALLEST_SHARING = 1e-9
-"""Smallest standard deviation of γ."""
-CROSSTALK = ("crosstalk_x", "crosstalk_y")
-"""Names of c."""
+SMALLEST_SHARING = 1e-9  # smallest standard deviation of γ
+CROSSTALK = ("crosstalk_x", "crosstalk_y")  # names of c
 _FORCE = slice(0, 3)
 _MOMENT = slice(3, FREEDOM)
 CHOSEN = {"all": slice(None), "base": slice(0, FREEDOM), "joints": slice(FREEDOM, None)}

@@ -41,14 +41,11 @@ from runtime.recording.preprocessing.segments import (
 from runtime.recording.recording import Recording
 from runtime.recording.settings import COLUMNS, Friction, JointMotion
 
-_FAR = 0.1
-"""Distance to the convention, relative to the statement, from which others are tried."""
+_FAR = 0.1  # distance to the convention, relative to the statement, from which others are tried
 
-_CLOSER = 0.3
-"""Distance to another convention over that to the expected one that names it."""
+_CLOSER = 0.3  # distance to another convention over that to the expected one that names it
 
-_UP = np.array([0.0, 0.0, 9.81])
-"""What an accelerometer at rest reads, in axes of the world [m/s²]."""
+_UP = np.array([0.0, 0.0, 9.81])  # what an accelerometer at rest reads, in axes of the world [m/s²]
 
 
 def require_twist(given: Array, expected: Array, turn: Array, t: Array, name: str) -> None:
@@ -131,8 +128,7 @@ def _turned(turn: Array, vectors: Array) -> Array:
 
 _JITTER = 0.01
 """Deviation of a time step from the median from which the log is resampled, as elsewhere."""
-_GAP_S = 0.1
-"""Longest gap that is filled."""
+_GAP_S = 0.1  # longest gap that is filled
 _OF_MOTION = ("position", "rotation", "q", "dq", "ddq", "twist", "acceleration")
 """Names of the signals that are differentiated; the others are forces."""
 _ARRAYS = ("t", "q", "dq", "ddq", "tau", "rotation", "tau_rate", "friction", "log")

@@ -22,10 +22,8 @@ from runtime.outputs.report.report import write_report
 from runtime.recording import Preparation
 
 _WRITTEN = ("result.json", "predictions.npz", "identified.urdf", "report.html", FILE)
-_STALE = (
-    "posterior.npz",
-    "statistics.npz",
-)  # files of a result that do not hold for other friction
+# Files of a result that do not hold for other friction.
+_STALE = ("posterior.npz", "statistics.npz")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -94,10 +94,10 @@ def observe_command(given: ObserveSettings) -> None:
     torque: the result is positive where the environment pushes in the direction of the joint. A
     contact is reported where it exceeds a threshold; thresholds follow from the stated rate of
     false alarms, the model's posterior and the residuals of its test part. With the setting
-    calibrate their
-    level is fitted to the largest residuals of free motion: half an hour of it gives rates down to
-    one alarm per hour, where residuals are not Gaussian. Biases and friction that differ from day
-    to day are learnt while the observer runs, from the first 0.3 s on. --recipe holds for all logs.
+    calibrate their level is fitted to the largest residuals of free motion: half an hour of it
+    gives rates down to one alarm per hour, where residuals are not Gaussian. Biases and friction
+    that differ from day to day are learnt while the observer runs, from the first 0.3 s on.
+    --recipe holds for all logs.
 
     Written are external_torque.npz (t, r, sigma, threshold), contacts.json, external_torque.png
     and observer.c, the same observer for a control loop, with observer.h and example_observer.c.

@@ -116,9 +116,8 @@ def predict_command(given: PredictSettings) -> None:
     parameters, of mass, centre of mass and inertia of every link, of a payload of 1 kg on a known
     arm, and of the torque of motions that are not in the log.
 
-    A log with torque gives its noise by its residuals, and the effective sample size N_eff of
-    these correlated residuals. With --more, record on while any σ improves by more than
-    10 %.
+    A log with torque gives its noise by its residuals, and the effective sample size N_eff of these
+    correlated residuals. With --more, record on while any σ improves by more than 10 %.
     """
     lib = open_robot(given.robot, given.yes, takes_free_base=True)
     if lib.manifest.floating:

@@ -48,9 +48,8 @@ _ONLY_MUJOCO = ("payload", "virtual_robot", "truth_seed")
 LEAST_ROWS = 2  # least number of samples that have a rate
 BESIDE = ".truth.json", ".motion.json", ".loop.toml"
 """Suffixes of the files beside a log: true parameters, reference motion, controller."""
-Loop = tuple[
-    simulation.Controller, ArrayLike, float
-]  # controller, rotors [kg·m²], rate [Hz] of a log
+# Controller, rotors [kg·m²] and rate [Hz] of a log.
+Loop = tuple[simulation.Controller, ArrayLike, float]
 Made = tuple[Recording, dict[str, Any], Loop | None]  # log, true parameters, closed loop
 
 

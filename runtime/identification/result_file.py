@@ -221,9 +221,8 @@ def still_joints(result: Identification) -> tuple[str, ...]:
     )
 
 
-AnyResult = (
-    saved_result.SavedResult | Identification | str | PathLike[str]
-)  # a path is read by `read_result`
+# A path is read by `read_result`.
+AnyResult = saved_result.SavedResult | Identification | str | PathLike[str]
 
 
 def record_of(result: Identification, command: str) -> schema.ResultRecord:

@@ -1,9 +1,8 @@
 """observer.c: the observer with its thresholds in C99, for a control loop.
 
 It needs kernels.c of the generated robot and <math.h>; it allocates nothing, and one state serves
-one thread. The model's band is constant there, its median over the observed log; all other terms
-of the thresholds follow the state. What a session changes is learnt as by an observation in
-Python.
+one thread. The model's band is constant there, its median over the observed log; all other terms of
+the thresholds follow the state. What a session changes is learnt as by an observation in Python.
 """
 
 from string import Template

@@ -30,14 +30,8 @@ from runtime.library import Array, Integers, Mask
 from runtime.recording.consistency import unwrap
 from runtime.recording.free_base import Contacts, FreeBaseRecording
 from runtime.recording.friction.model import columns as friction_columns
+from runtime.recording.preprocessing import segments
 from runtime.recording.preprocessing.filters import lagged, low_pass
-from runtime.recording.preprocessing.segments import (
-    differentiate,
-    holes,
-    interpolate,
-    on_one_clock,
-    resample,
-)
 from runtime.recording.recording import Recording
 from runtime.recording.settings import COLUMNS, Friction, JointMotion
 
@@ -209,7 +203,7 @@ def motion_of(
         forces = np.hstack([forces, blocks["friction"]])
     if cutoff_hz is not None:
         forces, inside = _low_pass_of_forces(whole.t, forces, unknown, cutoff_hz)
-    motion = differentiate(motion, from_position=True)
+    motion = segments.differentiate(motion, from_position=True)
     kept = np.intersect1d(inside, np.searchsorted(whole.t, motion.t))
     if not kept.size:
         raise RecordingError(
@@ -268,7 +262,7 @@ def joined(motions: Sequence[FreeBaseMotion]) -> FreeBaseMotion:
                     "where there is none"
                 )
     arrays = {key: [getattr(each, key) for each in motions] for key in _ARRAYS}
-    arrays["t"] = [on_one_clock(arrays["t"])]
+    arrays["t"] = [segments.on_one_clock(arrays["t"])]
     arrays["log"] = [each.log + k for k, each in enumerate(motions)]
     whole: dict[str, Any] = {
         key: None if any(part is None for part in parts) else np.concatenate(parts)
@@ -327,7 +321,7 @@ def _signals(recording: FreeBaseRecording, places: list[int], delay_s: float) ->
         blocks["sensed"] = recording.contacts.sensed
     if recording.tau is not None:
         tau = recording.tau[:, places]
-        blocks["tau"] = interpolate(t - delay_s, t, tau) if delay_s else tau
+        blocks["tau"] = segments.interpolate(t - delay_s, t, tau) if delay_s else tau
         blocks["tau_rate"] = np.gradient(blocks["tau"], t, axis=0)
     return blocks
 
@@ -348,8 +342,8 @@ def _on_uniform_clock(log: Recording, unknown: Mask) -> tuple[Recording, Mask]:
     steps = np.diff(log.t)
     if np.abs(steps / np.median(steps) - 1).max() <= _JITTER:
         return log, unknown
-    rate = 1.0 / float(steps[~holes(log.t)].mean())
-    whole = resample(log, rate, max(_GAP_S, 2.0 / rate))
+    rate = 1.0 / float(steps[~segments.holes(log.t)].mean())
+    whole = segments.resample(log, rate, max(_GAP_S, 2.0 / rate))
     return whole, _unknown_between(log.t, unknown, whole.t)
 
 

@@ -32,18 +32,17 @@ def unit_payload_sentence(mass: float, com: Array) -> str:
 
 def payload_sentence(expected: accuracy.Expected, alone: bool) -> str:
     """Sentence on the expected accuracy of a payload."""
-    if expected.payload is None or expected.payload_com is None:
+    if expected.payload is None:
         return "note: a payload on the last link is not identifiable: too few joints turn it"
-    sentence = unit_payload_sentence(float(mass(expected.payload)), expected.payload_com)
-    if expected.payload_of_arm is not None:
-        sentence += (
-            ", against an empty run of the same motion; without one, an arm whose links are "
-            f"{100 * accuracy.ARM_ERROR:g} % off its model adds "
-            f"±{1000 * mass(expected.payload_of_arm):.3g} g to the mass"
-        )
+    sentence = (
+        f"{unit_payload_sentence(float(mass(expected.payload.pi)), expected.payload.com)}, against "
+        "an empty run of the same motion; without one, an arm whose links are "
+        f"{100 * accuracy.ARM_ERROR:g} % off its model adds "
+        f"±{1000 * mass(expected.payload.of_arm):.3g} g to the mass"
+    )
     if not alone:
         return sentence
-    sigmas = " ".join(f"{value:.2g}" for value in inertia(expected.payload))
+    sigmas = " ".join(f"{value:.2g}" for value in inertia(expected.payload.pi))
     return f"{sentence}, inertia xx yy zz xy xz yz about the link's origin to ±({sigmas}) kg·m²"
 
 

@@ -24,7 +24,6 @@ from runtime.identification.expected_accuracy.expected import (
     Expected,
     GainOfRecording,
     Knowledge,
-    base_names,
     expected,
     expected_of_walk,
     facts,
@@ -141,7 +140,7 @@ def predict_command(given: PredictSettings) -> None:
         more = None if further is moved else further
         until = 0.0 if further is None else SECONDS[-1]
         common = situation.moved, situation.noise, situation.known, situation.unit
-        drawn = growth(lib, *common, base_names(lib), more=more, until=until)
+        drawn = growth(lib, *common, more=more, until=until)
         draw_growth(drawn, given.plot)
     if given.as_json:
         figures = _facts(situation, now, gains, steps)

@@ -64,6 +64,15 @@ class Knowledge:
 
 
 @dataclass(frozen=True, slots=True)
+class ExpectedPayload:
+    """Expected standard deviations of a payload of 1 kg on the last link of a known arm."""
+
+    pi: Array  # of the ten parameters, (10,) SI
+    com: Array  # of the centre of mass, (3,) m
+    of_arm: Array  # of pi without an empty run, from an arm whose links are `ARM_ERROR` off
+
+
+@dataclass(frozen=True, slots=True)
 class Expected:
     """Expected standard deviations after the motion."""
 
@@ -74,20 +83,16 @@ class Expected:
     share: Array  # posterior over prior variance of π, (10 n,), in (0, 1]
     com: Array  # of the centres of mass by MAP, (n, 3) m
     root: Array  # root of the mean squared error of π, (10 n, 10 n), with a further column for d
-    payload: Array | None  # of a payload's ten parameters on a known arm, (10,) SI; None as above
-    payload_com: Array | None  # of the centre of mass of the payload, (3,) m
-    # of the ten parameters of a payload without an empty run, from an arm whose links are
-    # `ARM_ERROR` off, (10,) SI; None as for `payload`
-    payload_of_arm: Array | None
+    payload: ExpectedPayload | None = None  # None where the motion lacks some of its parameters
 
     def by_name(self, lib: Library, payload_only: bool = False) -> dict[str, float]:
         """Standard deviations with names: payload, links, base parameters."""
         named = {}
-        if self.payload is not None and self.payload_com is not None:
-            named[PAYLOAD_MASS] = float(mass(self.payload))
-            named["payload CoM"] = float(np.linalg.norm(self.payload_com))
+        if self.payload is not None:
+            named[PAYLOAD_MASS] = float(mass(self.payload.pi))
+            named["payload CoM"] = float(np.linalg.norm(self.payload.com))
             if payload_only:
-                named["payload inertia"] = float(np.linalg.norm(inertia(self.payload)))
+                named["payload inertia"] = float(np.linalg.norm(inertia(self.payload.pi)))
         if payload_only:
             return named
         rows = zip(lib.link_names, links(self.pi), self.com, strict=True)
@@ -115,15 +120,10 @@ def expected(
     whole = _rows(lib, statistics, known.earlier, unit)
     spread = spread_of(known.prior.bodies, known.pi, whole, known.kappa)
     root = spread.root if known.error is None else np.column_stack([spread.root, known.error])
-    payload, payload_com, of_arm = (None,) * 3
-    if columns is not None:
-        payload, payload_com, of_arm = _payload(lib, statistics, known, unit, columns)
-    return replace(
-        expected_of_root(lib, known.pi, root, spread.share, whole),
-        payload=payload,
-        payload_com=payload_com,
-        payload_of_arm=of_arm,
-    )
+    sigmas = expected_of_root(lib, known.pi, root, spread.share, whole)
+    if columns is None:
+        return sigmas
+    return replace(sigmas, payload=_payload(lib, statistics, known, unit, columns))
 
 
 def expected_of_root(lib: Library, pi: Array, root: Array, share: Array, rows: Array) -> Expected:
@@ -140,31 +140,25 @@ def expected_of_root(lib: Library, pi: Array, root: Array, share: Array, rows: A
         share=share,
         com=np.array([each for each in com if each is not None]),
         root=root,
-        payload=None,
-        payload_com=None,
-        payload_of_arm=None,
     )
 
 
 def _payload(
     lib: Library, statistics: Statistics, known: Knowledge, unit: float, columns: tuple[str, ...]
-) -> tuple[Array | None, Array | None, Array | None]:
-    """σ of the last link as a payload, of its centre, and by an arm that is `ARM_ERROR` off.
-
-    Friction but for the offsets is known; None where the ten parameters are not determined.
-    """
+) -> ExpectedPayload | None:
+    """σ of the last link as a payload, friction but for the offsets known; None if undetermined."""
     frozen = np.array([name != OFFSET.name for name in columns] * lib.n_joints, dtype=bool)
     free, earlier = statistics.without(frozen), known.earlier if known.payload_only else None
     rows = _rows(lib, free, earlier, unit)[:, -N_PARAMETERS:]
     spread = covariance(rows.T @ rows)
     if spread is None:
-        return None, None, None
+        return None
     whole = _rows(lib, free, None, 1.0)
     gain = np.linalg.lstsq(whole[:, -N_PARAMETERS:], whole, rcond=None)[0]  # G = A_k⁺ A
     # The root of the prior's spread at κ = 1 stands for 100 % of every direction.
     arm = ARM_ERROR * block_diag(*known.prior.bodies.spread(known.prior.centre))
     of_arm = np.linalg.norm(gain @ arm, axis=1)
-    return np.sqrt(np.diag(spread)), payload_sigma(spread)[1], of_arm
+    return ExpectedPayload(np.sqrt(np.diag(spread)), payload_sigma(spread)[1], of_arm)
 
 
 def _rows(lib: Library, statistics: Statistics, earlier: Array | None, unit: float) -> Array:
@@ -184,15 +178,12 @@ def with_earlier(rows: Array, earlier: Array | None, lib: Library) -> Array:
 
 def facts(sigma: Expected, lib: Library, payload_only: bool = False) -> dict[str, object]:
     """Standard deviations for JSON files."""
-    payload = None
-    if sigma.payload is not None and sigma.payload_com is not None:
-        payload = {
-            "mass": float(mass(sigma.payload)),
-            "com": sigma.payload_com.tolist(),
-            "pi": sigma.payload.tolist(),
-        }
-        if sigma.payload_of_arm is not None:
-            payload["mass_of_arm_error"] = float(mass(sigma.payload_of_arm))
+    payload = sigma.payload and {
+        "mass": float(mass(sigma.payload.pi)),
+        "com": sigma.payload.com.tolist(),
+        "pi": sigma.payload.pi.tolist(),
+        "mass_of_arm_error": float(mass(sigma.payload.of_arm)),
+    }
     if payload_only:
         return {"payload": payload}
     rows = zip(lib.link_names, links(sigma.pi), sigma.com, links(sigma.share), strict=True)
@@ -319,7 +310,6 @@ def growth(
     noise: Array,
     known: Knowledge,
     unit: float,
-    names: tuple[str, ...],
     *,
     more: MotionSamples | None = None,
     until: float = 0.0,
@@ -336,7 +326,6 @@ def growth(
         else:
             statistics = whole.merged((more or moved).statistics(lib, noise, now - length))
         sigmas.append(expected(lib, statistics, known, unit, moved.columns))
-    last = int(np.argmax(sigmas[-1].relative))
     return Growth(
         robot=lib.name,
         motion=moved.name,
@@ -346,9 +335,9 @@ def growth(
         further=more.name if more is not None else "the same motion",
         masses=np.array([mass(links(one.pi)) for one in sigmas]),
         worst=np.array([one.relative.max() for one in sigmas]),
-        worst_name=names[last],
+        worst_name=base_names(lib)[int(np.argmax(sigmas[-1].relative))],
         payload=np.array(
-            [np.inf if one.payload is None else float(mass(one.payload)) for one in sigmas]
+            [np.inf if one.payload is None else float(mass(one.payload.pi)) for one in sigmas]
         ),
     )
 

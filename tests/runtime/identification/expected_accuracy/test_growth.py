@@ -44,8 +44,7 @@ def test_verdicts() -> None:
 def test_growth_ends_where_the_prediction_is(lib: Library, moved: MotionSamples) -> None:
     """Property: σ only falls, and at the end it is that of the whole motion and of what follows."""
     known = Knowledge.of(lib)
-    names = tuple(map(str, range(43)))
-    result = growth(lib, moved, SIGMA, known, 1.0, names, until=10.01)
+    result = growth(lib, moved, SIGMA, known, 1.0, until=10.01)
     whole = moved.statistics(lib, SIGMA)
     last = int(np.flatnonzero(result.seconds == moved.seconds)[0])
     for index, facts in ((last, whole), (-1, whole.merged(whole))):
@@ -53,7 +52,7 @@ def test_growth_ends_where_the_prediction_is(lib: Library, moved: MotionSamples)
         assert one.payload is not None
         assert result.masses[index] == pytest.approx(one.pi[::10], rel=1e-9)
         assert result.worst[index] == pytest.approx(one.relative.max(), rel=1e-9)
-        assert result.payload[index] == pytest.approx(one.payload[0], rel=1e-6)
+        assert result.payload[index] == pytest.approx(one.payload.pi[0], rel=1e-6)
     assert (np.diff(result.masses, axis=0) <= 1e-9 * result.masses[:-1]).all()
     assert not np.isnan(result.payload).any()
 

@@ -42,7 +42,7 @@ def test_predict(
     one = expected(lib, moved.statistics(lib, SIGMA), Knowledge.of(lib), 1.0, FRICTION)
     assert reported["base_parameters"]["least_squares"] == pytest.approx(list(one.base), rel=1e-9)
     assert reported["links"][lib.link_names[6]]["mass"] == pytest.approx(one.pi[60], rel=1e-9)
-    assert reported["payload"]["mass"] == pytest.approx(one.payload[0], rel=1e-9)
+    assert reported["payload"]["mass"] == pytest.approx(one.payload.pi[0], rel=1e-9)
     assert (reported["n_eff"], reported["noise_from_residuals"]) == (1001, False)
     faster = command(
         "predict",

@@ -183,10 +183,8 @@ def identify(
 
 
 def _require_logs(log: Any, lib: Library, settings: Settings) -> None:
-    if not isinstance(log, Recording | StreamedRecording | NamedLog | Sequence) or not all(
-        isinstance(each, Recording | StreamedRecording | NamedLog)
-        for each in (log if isinstance(log, Sequence) else ())
-    ):
+    each = log if isinstance(log, Sequence) else [log]
+    if not all(isinstance(one, Source) for one in each):
         raise IdentificationError(
             f"expected a log, as runtime.read_recording gives it, or several, got {log!r:.60}"
         )
@@ -305,9 +303,8 @@ def _named(log: Any) -> list[NamedLog]:
 
 def _walks(log: Any) -> list[FreeBaseRecording]:
     """The logs of a robot with a free base, with names that differ; empty for other logs."""
-    each = [log] if isinstance(log, FreeBaseRecording) else log
-    are_walks = isinstance(each, Sequence) and all(isinstance(x, FreeBaseRecording) for x in each)
-    return _distinct(each) if are_walks else []
+    each = log if isinstance(log, Sequence) else [log]
+    return _distinct(each) if all(isinstance(x, FreeBaseRecording) for x in each) else []
 
 
 def _distinct(logs: Sequence[Any]) -> list[Any]:

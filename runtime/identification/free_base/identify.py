@@ -60,8 +60,19 @@ def identify_free_base(
         said = [refit_note(*counts, "errors", is_complete)]
     fit, evidence, places = final.fit, final.evidence, data.of_drives
     root = evidence.phi_root
-    mirrored, of_sides = _sides(data, final, root) if settings.symmetric else ((), ())
     sessions, of_logs = _agreement(data) if len(logs) > 1 else (None, ())
+    rows, terms = data.tested.over_rows(), data.friction
+    phi = final.phi[places].reshape(lib.n_joints, -1)
+    mirrored, of_sides = (
+        ((), ())
+        if not settings.symmetric
+        else sides_of(
+            *(lib.joint_names, tuple(settings.symmetric), terms.columns, phi),
+            root[places] if terms.columns else None,
+            rows.tau - final.predicted(rows),
+            lambda change: rows.columns[:, :, places] @ change.ravel(),
+        )
+    )
     notes = (*of_logs, *of_sides, *final.notes, *notes_on(data, trained.rows, trained.noise))
     (names, tested), test = data.tested.shown(), data.motion.rows(data.parts[-1])
     measured, before = tested.tau, tested.rigid(lib, lib.pi0)
@@ -77,8 +88,7 @@ def identify_free_base(
     preparation = Preparation()
     if cutoff_hz is not None:
         preparation = Preparation(filter="butterworth", cutoff_hz=cutoff_hz)
-    terms = data.friction
-    phi, spread = (x[places].reshape(lib.n_joints, -1) for x in (final.phi, deviations))
+    spread = deviations[places].reshape(phi.shape)
     is_commanded = logs[0].is_commanded
     is_late = is_commanded or settings.delay is not None
     record = record_about(
@@ -274,20 +284,6 @@ def _delay(data: PreparedWalk, fit: Fit, deviations: Array) -> schema.Delay | No
         return schema.Delay(value=data.drives.delay_s, sigma=0.0)
     late = data.drives.delay_s + float(fit.phi[0, -1])
     return schema.Delay(value=late, sigma=schema.plain(float(deviations[-1])))
-
-
-def _sides(
-    data: PreparedWalk, walk: WalkFit, root: Array
-) -> tuple[tuple[schema.MirroredPair, ...], tuple[str, ...]]:
-    """Comparison of the drives of mirrored joints, and notes on it."""
-    rows, places, columns = data.tested.over_rows(), data.of_drives, data.friction.columns
-    return sides_of(
-        *(data.lib.joint_names, tuple(data.settings.symmetric), columns),
-        walk.phi[places].reshape(data.lib.n_joints, -1),
-        root[places] if columns else None,
-        rows.tau - walk.predicted(rows),
-        lambda change: rows.columns[:, :, places] @ change.ravel(),
-    )
 
 
 def _evidence(

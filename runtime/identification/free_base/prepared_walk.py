@@ -214,7 +214,8 @@ def parts_of(
         step = 1
         if cutoff_hz is not None:
             period = 1.0 / (cutoff_hz * float(np.median(np.diff(t))))
-            step = max(1, int(period / ROWS_PER_PERIOD))
+            # Stamps are rounded, so that 20 rows may be 19.9999.
+            step = max(1, int(round(period, 3) / ROWS_PER_PERIOD))
         for k, part in enumerate(parts):
             part.append(inside[number == k][::step])
             if not part[-1].size:

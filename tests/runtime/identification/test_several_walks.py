@@ -145,6 +145,20 @@ def test_friction_and_delay_are_common(hopper: Library) -> None:
     assert abs(mass.value - true_pi(log)[::10].sum()) < 4 * mass.sigma
 
 
+def test_logs_of_other_rates_count_alike(hopper: Library) -> None:
+    """Property: five rows per period of the low-pass, whatever rate and origin a clock has."""
+    arrays = walk_by_commands(foot_log())
+    count = len(arrays["t"])
+    half = {
+        key: x[count // 2 :: 2] if np.ndim(x) and len(x) == count else x
+        for key, x in arrays.items()
+    }
+    half["t"] = half["t"] + 1e9
+    logs = [part(arrays, 0, count // 2, "one"), free_base_of(half, "two")]
+    one, two = identify(logs, hopper, cutoff=5.0, delay=DELAY_S).record.sessions.train_samples
+    assert abs(one - two) <= 1
+
+
 def test_logs_that_do_not_fit_together(hopper: Library, noisy: Arrays) -> None:
     """Property: one set of contacts, and one kind of torque."""
     one, _ = halves(noisy)

@@ -55,12 +55,14 @@ CUTOFF_HZ, SHARE = 10.0, 0.2  # cut-off without a filter [Hz], and over the rate
 NEAR_S, SLIDING, LEAST_SHARE = 0.1, 0.1, 0.3
 """Time around a reversal that is left out [s]; speed over the largest one of the joint below which
 friction may not slide; share of the rows that must remain, else all are used."""
+CLOSE_S, SEEN_SHARE = 0.05, 0.05
+"""The time of a commanded torque: legs turn round within 0.2 s; least share that shows friction."""
 
 
 TURNED = 5.0
 """Squared residual near reversals over that of sliding joints from which on friction turns round in
 another way than its columns: 1 of columns that are right, 3.4 on a Z1, 6.5 to 14 of friction with a
-memory, 11 to 54 in MuJoCo, whose friction creeps."""
+memory, 6.4 to 54 in MuJoCo, whose friction creeps."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,9 +146,9 @@ def recorded_delay(
         )
     every = samples_of(whole, lib)
     samples, tau = every.rows(rows), every.tau
-    used = slides = sliding(every.dq, whole.rate_hz, rows)
-    if commanded:
-        used = np.ones_like(slides)
+    used = np.ones_like(samples.tau)
+    if not commanded:
+        used = sliding(every.dq, whole.rate_hz, rows=rows)
 
     def rows_of(some: Samples) -> Array:
         """The columns, and the torque of the URDF where it counts, in the last one."""
@@ -183,8 +185,9 @@ def recorded_delay(
     delays = np.array([STEP_S * k for k in steps])
     fit = fit_of(1)
     solved = fit.solved(delays)
-    if commanded and reversal_excess(solved.rests[solved.best], slides) > TURNED:
-        used = slides
+    seen = sliding(every.dq, whole.rate_hz, least=SEEN_SHARE, rows=rows)
+    if commanded and reversal_excess(solved.rests[solved.best], seen) > TURNED:
+        used = sliding(every.dq, whole.rate_hz, CLOSE_S, rows=rows)
         fit = fit_of(1)
         solved = fit.solved(delays)
     return replace(fit.profile(delays, solved), sign=sign_of_delay(recording))
@@ -220,16 +223,22 @@ def stated_delay(preparation: Preparation) -> float:
     return float(np.mean(preparation.torque_delay_s or 0.0))
 
 
-def sliding(dq: Array, rate_hz: float, rows: Integers | slice = slice(None)) -> Array:
-    """1 in rows and joints far from a reversal of the speed, else 0, of some rows, (N, n).
+def sliding(
+    dq: Array,
+    rate_hz: float,
+    near_s: float = NEAR_S,
+    least: float = LEAST_SHARE,
+    rows: Integers | slice = slice(None),
+) -> Array:
+    """1 in some rows and joints farther than `near_s` from a reversal of dq, else 0, (N, n).
 
-    Of joints that seldom are, all rows count.
+    Of joints of which a smaller share than the least is, all rows count.
     """
     slow = np.abs(dq) < SLIDING * np.abs(dq).max(axis=0)
-    width = 2 * round(NEAR_S * rate_hz) + 1
+    width = 2 * round(near_s * rate_hz) + 1
     near = maximum_filter1d(slow.astype(np.uint8), width, axis=0, mode="nearest")
     used = 1.0 - near[rows]
-    used[:, used.mean(axis=0) <= LEAST_SHARE] = 1.0
+    used[:, used.mean(axis=0) <= least] = 1.0
     return np.asarray(used)
 
 

@@ -18,7 +18,9 @@ from runtime.estimators.gauss_newton import Linearised, gauss_newton
 from runtime.estimators.methods import chosen_method
 from runtime.estimators.regression.factor import reduce
 from runtime.estimators.regression.recorded_delay import (
+    CLOSE_S,
     LATEST_S,
+    SEEN_SHARE,
     TURNED,
     delay_of_log,
     reversal_excess,
@@ -145,7 +147,7 @@ def identification_at(
         fitted = replace(fitted, tau=fitted.tau - c)
         train = train.replace(tau=train.required("tau") - c).noted(feedback.FEEDBACK)
     if problem.slides:
-        fitted = explicit(problem.lib, fitted).weighted(sliding(fitted.dq, train.rate_hz))
+        fitted = explicit(problem.lib, fitted).weighted(sliding(fitted.dq, train.rate_hz, CLOSE_S))
     less = replace(assembly.problem, train=fitted)
     return identify_assembled(
         replace(assembly, problem=less, parts=(train, *assembly.parts[1:])), usual
@@ -166,7 +168,7 @@ def linearised_at(
         phi_prior=None if known is None else known.sigma,
         rough=rough,
         known_sigma=problem.sigma,
-        used=sliding(train.required("dq"), train.rate_hz) if problem.slides else 1.0,
+        used=sliding(train.required("dq"), train.rate_hz, CLOSE_S) if problem.slides else 1.0,
     )
 
 
@@ -253,7 +255,8 @@ def _turns_otherwise(result: Identification) -> bool:
     if not any(name in COLUMNS and COLUMNS[name].model_term == "friction" for name in names):
         return False
     rest = samples.tau - result.predict_samples(samples)
-    return reversal_excess(rest, sliding(samples.dq, result.train.rate_hz)) > TURNED
+    seen = sliding(samples.dq, result.train.rate_hz, least=SEEN_SHARE)
+    return reversal_excess(rest, seen) > TURNED
 
 
 def _certified(problem: DriveProblem, x: Array) -> Identification:

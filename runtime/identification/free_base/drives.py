@@ -202,7 +202,8 @@ def drives_of(
         rows = equations.rows_of(lib, few, choice, drives)
         samples = rows.samples
         names = drives.names(lib.joint_names)
-        problem = problem_of(lib, samples, samples, names, unit_noise(samples), None)
+        unit = NoiseFloor(np.ones(samples.equations), 1.0)
+        problem = problem_of(lib, samples, samples, names, unit, None)
         fit = fit_by(problem, "map", None, prior)
         error = residuals(lib, rows.samples, fit.pi, fit.phi)
         after = _noise(rows, error, before, choice)
@@ -260,11 +261,6 @@ def problem_of(
         noise_floor=floor,
         friction_prior=known,
     )
-
-
-def unit_noise(samples: Samples) -> NoiseFloor:
-    """Noise of rows that were divided by it."""
-    return NoiseFloor(np.ones(samples.equations), 1.0)
 
 
 def _first_noise(lib: Library, motion: FreeBaseMotion) -> Array:

@@ -14,7 +14,7 @@ from runtime.estimators.convex.entropic_prior import CAD
 from runtime.estimators.friction_bounds import ERROR_OF
 from runtime.estimators.methods import fit_by
 from runtime.estimators.optimizers import Status
-from runtime.estimators.problem import Fit, FrictionPrior, Problem
+from runtime.estimators.problem import Fit, FrictionPrior, NoiseFloor, Problem
 from runtime.estimators.regression.samples import Samples, residuals
 from runtime.estimators.robust import robust_problem
 from runtime.estimators.uncertainty import visible_noise
@@ -62,7 +62,7 @@ def identify_free_base(
     root = evidence.phi_root
     sessions, of_logs = _agreement(data) if len(logs) > 1 else (None, ())
     rows, terms = data.tested.over_rows(), data.friction
-    phi = final.phi[places].reshape(lib.n_joints, -1)
+    phi = fit.phi[0][places].reshape(lib.n_joints, -1)
     mirrored, of_sides = (
         ((), ())
         if not settings.symmetric
@@ -80,10 +80,10 @@ def identify_free_base(
     errors = [metrics.torque_error(measured, each) for each in (before, after)]
     percent, sizes = schema.error_parts(*errors)
     of_errors = notes_on_errors(
-        *(drives.rms(measured), errors[1].rms, final.phi, data.sensors), bool(logs[0].joint_names)
+        *(drives.rms(measured), errors[1].rms, fit.phi[0], data.sensors), bool(logs[0].joint_names)
     )
     deviations = np.linalg.norm(root, axis=1)
-    of_sensors = zip(data.sensors, final.phi, deviations, strict=False)
+    of_sensors = zip(data.sensors, fit.phi[0], deviations, strict=False)
     cutoff_hz = cutoff_of(settings.cutoff)
     preparation = Preparation()
     if cutoff_hz is not None:
@@ -124,7 +124,7 @@ def identify_free_base(
         error_units=data.units_of(names),
         total_mass=results.total_mass(evidence),
         vertical_force=drives.vertical_force(
-            lib, test, trained.fit.pi, trained.phi[: places.start]
+            lib, test, trained.fit.pi, trained.fit.phi[0][: places.start]
         ),
         sensors={
             name: schema.Coefficient(value=float(value), sigma=schema.plain(float(sigma)))
@@ -136,7 +136,7 @@ def identify_free_base(
         if final is trained
         else schema.TrainedPart(
             pi=schema.plain(trained.fit.pi),
-            friction_values=schema.plain(trained.phi[places].reshape(lib.n_joints, -1)),
+            friction_values=schema.plain(trained.fit.phi[0][places].reshape(lib.n_joints, -1)),
         ),
     )
     return results.FreeBaseIdentification(
@@ -184,14 +184,9 @@ class WalkFit:
     noise: drives.RowNoise | None
     notes: tuple[str, ...]
 
-    @property
-    def phi(self) -> Array:
-        """Coefficients of sensors, drives and delay, (K,)."""
-        return np.asarray(self.fit.phi[0])
-
     def predicted(self, rows: Samples) -> Array:
         """Right side of other rows, (N, m)."""
-        return rows.tau + residuals(self.evidence.lib, rows, self.fit.pi, self.phi)
+        return rows.tau + residuals(self.evidence.lib, rows, self.fit.pi, self.fit.phi)
 
 
 def _fitted(data: PreparedWalk, instants: Integers, are_few: bool = False) -> WalkFit:
@@ -240,7 +235,7 @@ def _problem(
             samples = samples.weighted(weights)
     else:
         columns = (*columns, *data.drives.names(data.lib.joint_names))
-        floor = drives.unit_noise(samples)
+        floor = NoiseFloor(np.ones(samples.equations), 1.0)
     problem = drives.problem_of(data.lib, samples, held_out.samples, columns, floor, sensed)
     if data.known_friction is not None:
         problem = _with_known(problem, data.known_friction, data.of_drives)

@@ -81,6 +81,7 @@ class PreparedWalk:
     known_friction: FrictionPrior | None  # prior of their coefficients, (n, k)
     sensors: dict[str, float]  # σ of the errors of sensors, whose coefficients are first
     parts: tuple[Integers, ...]  # instants of training, of validation unless it is joined, of test
+    instants: Integers  # of all parts
     tested: equations.FreeBaseRows
     notes: tuple[str, ...]
 
@@ -89,11 +90,6 @@ class PreparedWalk:
         """Places of the friction coefficients, joint by joint, behind those of the sensors."""
         first = len(self.sensors)
         return slice(first, first + self.lib.n_joints * len(self.friction.columns))
-
-    @property
-    def instants(self) -> Integers:
-        """Instants of all parts."""
-        return np.sort(np.concatenate(self.parts))
 
     def rows_of(self, motion: FreeBaseMotion) -> equations.FreeBaseRows:
         """Equations of some instants."""
@@ -176,7 +172,7 @@ def prepared_walk(
         *(logs, lib, settings, method, rows, motion, drives, terms),
         known_friction(lib, settings, terms.columns, terms) if terms.columns else None,
         dict(equations.sensor_errors(motion.contacts, motion.logs)),
-        *(parts, tested, tuple(notes)),
+        *(parts, np.sort(np.concatenate(parts)), tested, tuple(notes)),
     )
 
 

@@ -257,7 +257,9 @@ def _baseline(
 ) -> Baseline:
     rows = [_rows(lib, saved, over, changes, each) for each in references]
     others = [scores_of_rows(each, root) for each in rows]
-    usual = usual_of(changes, root.shape[1], held_out, others, _delay_sigma(saved), of_model)
+    is_doubted = bool(saved.record.doubts)
+    known = _delay_sigma(saved), of_model, is_doubted
+    usual = usual_of(changes, root.shape[1], held_out, others, *known)
     return Baseline(saved, root, over, changes, usual)
 
 

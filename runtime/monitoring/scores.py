@@ -319,18 +319,21 @@ def usual_of(
     references: Sequence[Scores],
     delay_sigma: float = 0.0,
     of_model: float = 1.0,
+    is_doubted: bool = False,
 ) -> Usual:
     """Usual changes and errors of a model from its own rows and from logs of reference.
 
     errors p: number of columns of the root; delay_sigma: of the delay that the model contains [s];
-    of_model: default errors of the model, and of its postures, over those of an arm.
+    of_model: default errors of the model, and of its postures, over those of an arm; is_doubted:
+    the model is, as by friction that no column describes, so that no log is a simulation of it.
     """
     logs = [*held_out, *references]
     default = np.array(list(USUAL.values()))
     default[[list(USUAL).index(kind) for kind in ("model", "posture")]] *= of_model
     scales = default.copy()
     if not references:
-        misfit = float(np.mean([each.misfit for each in logs])) if logs else np.inf
+        is_known = logs and not is_doubted
+        misfit = float(np.mean([each.misfit for each in logs])) if is_known else np.inf
         share = float(np.clip((misfit - 1) / FULL_MISFIT, 1e-3, 1.0))
         scales[: len(PLAUSIBLE)] *= share
         scales[-1] *= share

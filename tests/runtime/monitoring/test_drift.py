@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from msgspec import structs
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
@@ -294,6 +295,24 @@ def test_a_body_of_plausible_size_has_a_quarter_of_the_mass(
     moved = np.vstack([np.zeros((len(changes.names), 10)), lib.base_matrix @ pi])
     np.testing.assert_allclose(tool.moved, moved, rtol=1e-12, atol=1e-15)
     np.testing.assert_allclose(tool.size, mass * np.eye(1, 10)[0])
+
+
+def test_a_doubted_model_is_no_simulation_of_itself(lib: Library, arm: Path) -> None:
+    """Property: friction that no column describes differs by the motion; all usual changes count.
+
+    A simulated quadruped with such friction was called changed after another motion.
+    """
+    saved = read_result(arm)
+    root = read_posterior(arm, saved, lib).root(lib)
+    rows = read_test_rows(arm, model_of(saved, lib))
+    doubted = dataclasses.replace(saved, record=structs.replace(saved.record, doubts=("friction",)))
+    sure, wide = (
+        baseline_of(lib, each, root, np.ones(lib.n_joints), rows).usual.scales
+        for each in (saved, doubted)
+    )
+    assert (wide >= sure).all()
+    assert wide[0] == pytest.approx(7e-4)  # s of a clock
+    assert sure[0] < 0.1 * wide[0]
 
 
 def test_every_end_of_a_tree_carries_tools(robot: Callable[[str], Library]) -> None:

@@ -255,7 +255,7 @@ class LeftOutPart(Part, frozen=True):
     after_overall: Of[float, "of the fit to all other logs"]
     log_offset_overall: Of[float, "of that fit with the offset of this log"]
     single_log_overall: Of[float, "of a fit to this log alone"]
-    rms: Of[Numbers, "of the fit to all other logs, (e,) [N·m, N]"]
+    rms: Of[Numbers, "of the fit to all other logs, (r,) [N·m, N]"]
 
 
 class RepeatabilityPart(Part, frozen=True):

@@ -17,16 +17,13 @@ from threadpoolctl import threadpool_limits
 from runtime.common.optional import optional
 from runtime.errors import IdentificationError, RuntimeFault
 
-PATIENCE = 30.0
-"""Time limit for the first worker of a cluster [s]."""
-CONNECTED = 5.0
-"""Time limit for the answer of a scheduler [s]."""
+PATIENCE = 30.0  # time limit for the first worker of a cluster [s]
+CONNECTED = 5.0  # time limit for the answer of a scheduler [s]
 
 T = TypeVar("T")
 
 
-_here = threading.local()
-"""What a thread of a worker has prepared last, with the key of its call."""
+_here = threading.local()  # what a thread of a worker has prepared last, with the key of its call
 
 
 def on_cluster(

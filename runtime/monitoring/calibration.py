@@ -34,14 +34,10 @@ from runtime.recording.friction.model import LARGE_DAY, motion_of
 PEAKS = 100
 """Largest number k of peaks per joint to which a tail is fitted: with more, the body of the
 distribution determines its shape."""
-LEAST_PEAKS = 30
-"""Smallest number of peaks of the joint that has most; one that rests has fewer."""
-SHAPE = 0.1
-"""Standard deviation of ξ before the peaks are seen."""
-LEAST_S = 10.0
-"""Shortest free motion [s]."""
-LEAST_LEVEL = 4.0
-"""Smallest level of a joint with fewer peaks than that."""
+LEAST_PEAKS = 30  # smallest number of peaks of the joint that has most; one that rests has fewer
+SHAPE = 0.1  # standard deviation of ξ before the peaks are seen
+LEAST_S = 10.0  # shortest free motion [s]
+LEAST_LEVEL = 4.0  # smallest level of a joint with fewer peaks than that
 DIRECT_LOWER = 1.1
 """Threshold of the direct torque over that of r, below which it is used: it is faster."""
 DIRECT_OF_DIFFERENCES = 1.5
@@ -54,8 +50,7 @@ _LOG_SCALES = np.linspace(-1.2, 0.8, 101)
 _DRAWS = 2000
 DAY_S = 20.0
 """Time in which all friction is drawn anew [s]: half an hour of one day has 90 other days."""
-HIGH = 0.9
-"""Quantile of s above which peaks are looked for."""
+HIGH = 0.9  # quantile of s above which peaks are looked for
 
 
 @dataclass(frozen=True, slots=True, eq=False)

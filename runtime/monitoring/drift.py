@@ -59,27 +59,22 @@ BODY, LEVER = 0.25, 0.2
 """Plausible change of a body: share of the mass of the robot, and its lever [m]."""
 RARE = 0.001
 """Probability of a change of a link relative to one of the tip, where tools are changed."""
-ALPHA = 0.01
-"""Corrected p-value below which a robot counts as changed."""
+ALPHA = 0.01  # corrected p-value below which a robot counts as changed
 MARGIN = 0.4
 """Lead of a single inner link over all base parameters, in parts of the difference of their
 penalties, below which the whole model is named. A body of 0.3 kg on one link of an ideal arm leads
 by 0.8, with a bias of another sensor by 0.3, the best link of a virtual FR3 whose links all differ
 by 4 % by 0.2 and less."""
-HALF = 0.5
-"""Share of the explained χ² below which a part is not the change."""
-DETERMINED = 0.5
-"""σ of a size over the plausible size, above which it is not stated."""
+HALF = 0.5  # share of the explained χ² below which a part is not the change
+DETERMINED = 0.5  # σ of a size over the plausible size, above which it is not stated
 UNKNOWN_DELAY = 0.02
 """Standard deviation of the delay of a result that neither states nor estimates one [s]: real arms
 have 0 to 30 ms. Its own held-out rows show how much of it is left."""
 OF_COMMANDS = 6.0
 """Default errors of the model of a walk by commanded torques over those of an arm: its σ contain no
 misfit of the drives. Three healthy days each of foreign simulated walks teach 1.1, 3, 5 and 8."""
-WatchedLog = Recording | FreeBaseRecording
-"""A log that is prepared, or one of a free base as read."""
-MOST_ROWS = 4000
-"""Rows of a log that are tested, evenly spread."""
+WatchedLog = Recording | FreeBaseRecording  # a log that is prepared, or one of a free base as read
+MOST_ROWS = 4000  # rows of a log that are tested, evenly spread
 
 
 @dataclass(frozen=True, slots=True, eq=False)

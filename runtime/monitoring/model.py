@@ -23,10 +23,8 @@ from runtime.recording.settings import COLUMNS, FrictionColumn, JointMotion
 Signals = Mapping[str, Array]
 """Name → (N, n) further signals of a log, for the friction columns that need them."""
 NO_SIGNALS: Signals = {}
-CHUNK = 4096
-"""States whose regressors are held at a time."""
-SLOW = 2.0
-"""Speed in units of ε below which dry friction may act in either direction."""
+CHUNK = 4096  # states whose regressors are held at a time
+SLOW = 2.0  # speed in units of ε below which dry friction may act in either direction
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,8 +146,7 @@ class MonitoredModel:
         return np.asarray(slow & (self.dry_friction > 0))
 
 
-AnyModel = Identification | SavedResult | MonitoredModel
-"""What an observer takes as its model."""
+AnyModel = Identification | SavedResult | MonitoredModel  # what an observer takes as its model
 
 
 def urdf_model(lib: Library) -> MonitoredModel:

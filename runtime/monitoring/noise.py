@@ -44,19 +44,14 @@ KEPT = 0.6
 SLOW_HZ = 10.0
 """Frequency above which the noise of r is that of the observed log in any case: the residual of an
 unfiltered log contains the derivative of a noisy speed, which the observer does not."""
-AVERAGE_CUTOFF = 0.443
-"""Cut-off of a moving average times its window."""
-BLOCK_S = 0.25
-"""Length of the blocks whose variance is compared, to leave out contacts [s]."""
-LEAST_BLOCKS = 4
-"""Blocks of the shortest stretch from which a variance is estimated."""
-OUTLIER = 6.0
-"""Variance of a block over the median of all, above which it counts as a contact."""
+AVERAGE_CUTOFF = 0.443  # cut-off of a moving average times its window
+BLOCK_S = 0.25  # length of the blocks whose variance is compared, to leave out contacts [s]
+LEAST_BLOCKS = 4  # blocks of the shortest stretch from which a variance is estimated
+OUTLIER = 6.0  # variance of a block over the median of all, above which it counts as a contact
 SLOW_CLASSES, FAST_CLASSES = 3, 12
 """Equally frequent classes of stretches by their variance, below f_s and above it. Slow residuals
 are bounded: the Gaussian tail of finer classes would exceed any that is seen."""
-MARGIN = 1.1
-"""Threshold over the largest slow residual that was seen in free motion, at least."""
+MARGIN = 1.1  # threshold over the largest slow residual that was seen in free motion, at least
 UNKNOWN = 0.01
 """Share of the friction with a memory below which the error of its first state is forgotten."""
 REVERSAL_S = 0.1

@@ -61,20 +61,14 @@ from runtime.recording.preprocessing.pipeline import on_grid
 from runtime.recording.preprocessing.segments import differentiate
 from runtime.recording.rest_speeds import rest_speeds
 
-BLOCK_S = 0.1
-"""Length of a block [s]."""
-BIAS_S = 5.0
-"""Time in which a bias is followed [s]."""
+BLOCK_S = 0.1  # length of a block [s]
+BIAS_S = 5.0  # time in which a bias is followed [s]
 VISCOUS, DRY = LARGE_DAY, DAY
 """Relative standard deviation of viscous and dry friction between days of a healthy robot."""
-WARMTH_S = 600.0
-"""Time in which friction drifts by as much [s]."""
-UNKNOWN_BIAS = 30.0
-"""Standard deviation of the first bias in units of σ."""
-OUTLIER = 3.5
-"""Standard deviations from which a block may be a contact."""
-HOLD_BLOCKS = 100
-"""Largest number of blocks that are left out in a row: 10 s."""
+WARMTH_S = 600.0  # time in which friction drifts by as much [s]
+UNKNOWN_BIAS = 30.0  # standard deviation of the first bias in units of σ
+OUTLIER = 3.5  # standard deviations from which a block may be a contact
+HOLD_BLOCKS = 100  # largest number of blocks that are left out in a row: 10 s
 START_BLOCKS = 3
 
 
@@ -135,22 +129,16 @@ def usual_torque(r: Array, features: Array, sigma: Array, rate_hz: float) -> tup
 WITHIN_S = 0.025
 """Time in which r shows 95 % of a step unless it is stated, or three samples if these are longer
 [s]."""
-LEAST_SAMPLES = 3
-"""Samples in which a step can be shown."""
+LEAST_SAMPLES = 3  # samples in which a step can be shown
 SLOWEST = 0.5
 """Speed below which thresholds are those of rest, over that below which a joint rests in a log."""
 REST = 0.02
 """Dry friction of a resting joint that the model does not contain, as a share of its limit."""
-DIRECT_S = 0.1
-"""Time over which the direct torque takes the rate of the momentum [s]."""
-WINDOWS = (0.0, 1 / 6, 1 / 3, 2 / 3)
-"""Candidates of the averaging window, as shares of that time."""
-EXCERPT_S = 60.0
-"""Length of a log from which the observer is chosen [s]."""
-RATE_OFF = 0.01
-"""Relative difference of rates up to which two logs count as equally fast."""
-SLOPE_STEPS = 10
-"""Samples over which the slope of the torque is taken, at least."""
+DIRECT_S = 0.1  # time over which the direct torque takes the rate of the momentum [s]
+WINDOWS = (0.0, 1 / 6, 1 / 3, 2 / 3)  # candidates of the averaging window, as shares of that time
+EXCERPT_S = 60.0  # length of a log from which the observer is chosen [s]
+RATE_OFF = 0.01  # relative difference of rates up to which two logs count as equally fast
+SLOPE_STEPS = 10  # samples over which the slope of the torque is taken, at least
 BAND_HZ = 20.0
 """Rate at which the model's band is evaluated: it changes with the motion, and differences of a
 noisy speed over shorter times would enlarge it [Hz]."""

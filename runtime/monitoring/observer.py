@@ -33,8 +33,7 @@ from runtime.monitoring.model import NO_SIGNALS, AnyModel, MonitoredModel, Signa
 from runtime.recording.preprocessing.filters import scipy_signal
 from runtime.recording.preprocessing.segments import segments
 
-BANDWIDTH = 100.0
-"""K_O of the observer unless it is stated [1/s]."""
+BANDWIDTH = 100.0  # K_O of the observer unless it is stated [1/s]
 VELOCITIES = ("measured", "position")
 
 
@@ -277,14 +276,11 @@ def external_torques(
     return result
 
 
-LENGTH = 0.1
-"""Length that makes moments comparable to forces [m]."""
+LENGTH = 0.1  # length that makes moments comparable to forces [m]
 DETERMINED = 0.02
 """Singular value of the scaled Jacobian, relative to the largest, from which one counts."""
-RELEASE = 0.5
-"""Share of the threshold below which a contact ends."""
-PAUSE_S = 0.05
-"""Shortest pause between two contacts of one joint [s]."""
+RELEASE = 0.5  # share of the threshold below which a contact ends
+PAUSE_S = 0.05  # shortest pause between two contacts of one joint [s]
 
 
 @dataclass(frozen=True, slots=True)

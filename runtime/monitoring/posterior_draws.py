@@ -33,19 +33,14 @@ from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.recording.settings import names_where
 
-TRAJECTORIES = 12
-"""Hamiltonian trajectories of each chain."""
-LEAPS = 6
-"""Leapfrog steps of one trajectory; with STEP its length is a quarter of a period."""
-STEP = 0.25
-"""Leapfrog step in units of the standard deviation."""
-START = 0.7
-"""Size of the first draws in units of Laplace's: fewer of them lie outside the cone."""
+TRAJECTORIES = 12  # Hamiltonian trajectories of each chain
+LEAPS = 6  # leapfrog steps of one trajectory; with STEP its length is a quarter of a period
+STEP = 0.25  # leapfrog step in units of the standard deviation
+START = 0.7  # size of the first draws in units of Laplace's: fewer of them lie outside the cone
 ODDS = 20.0
 """Bayes factor from which on thin links are drawn about the bodies of the URDF: rods and plates are
 often simplifications, and a prior about them leaves their centres of mass hardly any width."""
-REDRAWS = 50
-"""Draws of friction, or of a factor, that are tried before it is set to zero."""
+REDRAWS = 50  # draws of friction, or of a factor, that are tried before it is set to zero
 
 
 @dataclass(frozen=True, slots=True, eq=False)

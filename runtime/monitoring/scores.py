@@ -78,12 +78,9 @@ PLAUSIBLE = {
 }
 """Sizes of changes that a robot may have, in the units of `USUAL`. A direction of changes in which
 such a size is within the noise is not determined by a log and explains nothing."""
-REST_S = 0.2
-"""Shortest time at rest after which dry friction is another one [s]."""
-DRY = 0.02
-"""Dry friction that the model does not contain, relative to the range of the joint."""
-DOUBT = 1.0
-"""Standard deviation of the logarithm of a scale about its default."""
+REST_S = 0.2  # shortest time at rest after which dry friction is another one [s]
+DRY = 0.02  # dry friction that the model does not contain, relative to the range of the joint
+DOUBT = 1.0  # standard deviation of the logarithm of a scale about its default
 FARTHEST = 5.0
 """Largest usual change that references may show, in DOUBT of its default: 150 times as much. Where
 that leaves their scores at as many σ (RMS), a search ends where rounding takes it."""

@@ -23,12 +23,9 @@ from runtime.estimators.regression.samples import NORMAL_95
 from runtime.library import Array
 
 KEYS = ("checked", "model_hash", "log", "changed", "p_value")
-ALPHA = 0.01
-"""Probability that a history without a trend shows one."""
-MONTH = 365.25 / 12
-"""Days of a month."""
-LEAST_LOGS = 4
-"""Smallest number of logs for a slope."""
+ALPHA = 0.01  # probability that a history without a trend shows one
+MONTH = 365.25 / 12  # days of a month
+LEAST_LOGS = 4  # smallest number of logs for a slope
 LARGEST_SIZE = 1e12
 
 

@@ -59,17 +59,12 @@ from runtime.recording.settings import WIDTHS, widths_of
 
 LEAST_UNITS = 3
 """Smallest number of units: with two, a spread and an outlier cannot be distinguished."""
-ALPHA = 0.01
-"""Probability that a fleet without outliers has a unit that stands out."""
-LOWEST, HIGHEST = 0.5, 1e6
-"""Range of κ: units that differ by more than their size, and by 0.1 %."""
-WIDER = 40.0
-"""Spread of a link that departs from the type, over that of its units."""
-ROUNDS = 8
-"""Largest number of choices of the units that count."""
+ALPHA = 0.01  # probability that a fleet without outliers has a unit that stands out
+LOWEST, HIGHEST = 0.5, 1e6  # range of κ: units that differ by more than their size, and by 0.1 %
+WIDER = 40.0  # spread of a link that departs from the type, over that of its units
+ROUNDS = 8  # largest number of choices of the units that count
 PASSES = 4
-STILL = 1e-3
-"""Step of the centre, as a standard deviation of a unit, below which the passes end."""
+STILL = 1e-3  # step of the centre, as a standard deviation of a unit, below which the passes end
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,8 +292,7 @@ def _step(spread: Array, change: Array) -> float:
     return float(np.linalg.norm(np.linalg.solve(spread, links), axis=1).max())
 
 
-GRID = 80
-"""Values of τ, from 1/1000 of the smallest to the largest possible one."""
+GRID = 80  # values of τ, from 1/1000 of the smallest to the largest possible one
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -98,8 +98,7 @@ def _friction(system: Elimination, level: float, count: int) -> Array:
     return np.column_stack([system.phi(np.zeros(count)), -system.slope, variance])
 
 
-PART = 32
-"""Files of one part: some tenths of a second of work."""
+PART = 32  # files of one part: some tenths of a second of work
 MOST_UNITS = 100_000
 VERSION = 3
 

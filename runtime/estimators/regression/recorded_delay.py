@@ -148,7 +148,10 @@ def recorded_delay(
     samples, tau = every.rows(rows), every.tau
     used = np.ones_like(samples.tau)
     if not commanded:
-        used = sliding(every.dq, whole.rate_hz, rows=rows)
+        # The low-pass spreads a reversal over its period, where the joints slide for longer.
+        far_s = min(max(NEAR_S, 1.0 / (usual.cutoff_hz or CUTOFF_HZ)), 2 * NEAR_S)
+        far, near = (sliding(every.dq, whole.rate_hz, s, rows=rows) for s in (far_s, NEAR_S))
+        used = np.where(far.all(axis=0), near, far)
 
     def rows_of(some: Samples) -> Array:
         """The columns, and the torque of the URDF where it counts, in the last one."""

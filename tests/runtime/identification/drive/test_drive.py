@@ -210,6 +210,13 @@ def test_friction_that_creeps_is_no_delay_of_a_commanded_torque(
     assert passes.SLIDES in result.notes
     low, high = recorded_delay(log, lib, FILTERED, Friction(DRIVE)).interval_s
     assert low < 7.25e-3 < high < 9e-3
+    # The torque that acts as a measured one: a low-pass at 5 Hz spreads reversals over 0.2 s.
+    acts = np.vstack([np.tile(law[0], (late, 1)), law[:-late]])[::fine]
+    measured = Recording(t=t[::fine], q=q, dq=dq, tau=acts)
+    low, high = recorded_delay(
+        measured, lib, replace(FILTERED, cutoff_hz=5.0), Friction(DRIVE)
+    ).interval_s
+    assert -1e-3 < low < -2.5e-4 < high
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

@@ -321,9 +321,10 @@ def test_trimmed_edges_follow_the_cutoff(monkeypatch, double, stated_trim, trim)
     )
     ready = Preparation(filter="butterworth", cutoff_hz=10.0, trim_s=stated_trim)
     choice = CutoffChoice((ten, four), ten, replace(ready, derivative="measured"), "chosen")
-    monkeypatch.setattr(proposal, "choose_cutoff", lambda *_: choice)
+    chosen = proposal.regressor_choice
+    monkeypatch.setattr(chosen, "choose_cutoff", lambda *_: choice)
     monkeypatch.setattr(
-        proposal,
+        chosen,
         "differentiation_of",
         lambda _log, _lib, tried: SimpleNamespace(fails=tried.cutoff_hz > 5),
     )

@@ -16,7 +16,8 @@ and all scales by the marginal likelihood.
 Source: block-robust covariance (Cameron & Miller 2015), random effects per log (Laird & Ware 1982).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -340,27 +341,28 @@ def usual_of(
             scaled = default * np.exp(DOUBT * step)
             return _common(changes, errors, logs, scaled, delay_sigma)[2:]
 
-        unexplained = IdentificationError(
-            "the logs of reference are so far from the model that no usual change explains them; "
-            "identify the robot again from one of them, or leave --reference out"
-        )
-        try:
-            with np.errstate(over="ignore", invalid="ignore"):
-                steps = minimize(
-                    lambda step: 0.5 * float(step @ step) - log_p(step)[0],
-                    np.zeros(len(default)),
-                    method="L-BFGS-B",
-                    options={"maxiter": 30, "ftol": 1e-5},
-                ).x
-                rms = log_p(np.full(len(default), FARTHEST))[1]
-        except (ValueError, np.linalg.LinAlgError):  # the search left the range of numbers
-            raise unexplained from None
-        if rms > FARTHEST:
-            raise unexplained
-        scales = default * np.exp(DOUBT * steps)
+        scales = default * np.exp(DOUBT * _most_probable(log_p, len(default)))
     mean, covariance = _common(changes, errors, logs, scales, delay_sigma)[:2]
     freedom = float(FREEDOM * len(logs) if references else ASSUMED)
     return Usual(scales, mean, covariance, freedom, len(references))
+
+
+def _most_probable(log_p: Callable[[Array], tuple[float, float]], count: int) -> Array:
+    """Most probable steps of `count` scales, by log p and RMS [σ] of the scores at any steps."""
+    # A search may leave the range of numbers.
+    with suppress(ValueError, np.linalg.LinAlgError), np.errstate(over="ignore", invalid="ignore"):
+        if log_p(np.full(count, FARTHEST))[1] <= FARTHEST:
+            search = minimize(
+                lambda step: 0.5 * float(step @ step) - log_p(step)[0],
+                np.zeros(count),
+                method="L-BFGS-B",
+                options={"maxiter": 30, "ftol": 1e-5},
+            )
+            return np.asarray(search.x)
+    raise IdentificationError(
+        "the logs of reference are so far from the model that no usual change explains them; "
+        "identify the robot again from one of them, or leave --reference out"
+    )
 
 
 def _wide(scores: Scores, ranges: Array, count: int) -> Array:

@@ -168,6 +168,8 @@ def negative_share(columns: Array, tau: Array, phi: Array, names: Sequence[str])
 
 def _evidence(statistics: Statistics, first: Array, held: Mask) -> Array:
     """Residual that each held column alone removes, relative to that of the solution `first`."""
+    if not held.any():
+        return np.zeros(held.size)
     residual = statistics.factor @ first - statistics.target
     size = np.sqrt(residual @ residual + statistics.rest)
     # A column has the length 1/σ apart from all others; it is 0 where they explain it.

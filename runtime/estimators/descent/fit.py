@@ -41,17 +41,11 @@ CHUNK = 500  # iterations between two reports of progress and checks for Ctrl-C
 
 @dataclass(frozen=True, slots=True)
 class Preset:
-    """Settings of the λ-Adam method.
+    """Settings of the λ-Adam method."""
 
-    Attributes:
-        adam: learning rate and decay of the moments.
-        rule: when to stop.
-        batch: samples drawn for every iteration; None takes all of them.
-    """
-
-    adam: AdamOptions
-    rule: StoppingRule
-    batch: int | None
+    adam: AdamOptions  # learning rate and decay of the moments
+    rule: StoppingRule  # when to stop
+    batch: int | None  # samples drawn for every iteration; None takes all of them
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -38,8 +38,15 @@ _FAULT = re.compile(r"(?P<text>.*?)(?: - at (?:`key` in )?`(?P<path>[^`]*)`)?", 
 _EXPECTED = re.compile(r"Expected (?P<kind>.+?)(?:, got .*)?", re.DOTALL)
 _FIELD = re.compile(r"Object (?:contains unknown|missing required) field `(?P<name>.*)`", re.DOTALL)
 _STEP = re.compile(r"\.(?P<key>[^.\[]+)|\[(?P<index>\d+|\.\.\.)\]")
-_NAMES = {"str": "a text", "float": "a number", "int": "a whole number", "bool": "true or false",
-          "array": "a list", "object": "a table", "null": "nothing"}  # fmt: skip
+_NAMES = {
+    "str": "a text",
+    "float": "a number",
+    "int": "a whole number",
+    "bool": "true or false",
+    "array": "a list",
+    "object": "a table",
+    "null": "nothing",
+}
 _SHOWN = 60  # characters of a value that a sentence shows
 
 

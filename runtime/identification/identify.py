@@ -247,8 +247,11 @@ def _source(named: Sequence[NamedLog], data: Sequence[PreparedLog]) -> FittedSou
 
 def _notes(named: Sequence[NamedLog], data: Sequence[PreparedLog]) -> list[str]:
     several = len(named) > 1
-    return [f"{log.name}: {note}" if several else note
-            for log, each in zip(named, data, strict=True) for note in each.notes]  # fmt: skip
+    return [
+        f"{log.name}: {note}" if several else note
+        for log, each in zip(named, data, strict=True)
+        for note in each.notes
+    ]
 
 
 def _prepared_logs(

@@ -233,8 +233,10 @@ def _require_two_runs(empty: Recording, loaded: Recording) -> None:
     """Refuse two recordings that are equal, of different robots or read differently."""
     names = empty.joint_names, loaded.joint_names
     if empty.n_joints != loaded.n_joints or (all(names) and names[0] != names[1]):
-        robots = [", ".join(each) or f"{run.n_joints} joints" for each, run in
-                  zip(names, (empty, loaded), strict=True)]  # fmt: skip
+        robots = [
+            ", ".join(each) or f"{run.n_joints} joints"
+            for each, run in zip(names, (empty, loaded), strict=True)
+        ]
         raise IdentificationError(
             f"'{empty.name}' and '{loaded.name}' are of different robots ({robots[0]}; "
             f"{robots[1]}); give two runs of one"

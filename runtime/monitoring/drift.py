@@ -52,8 +52,10 @@ from runtime.recording import Recording
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.recipes.recipe import COMMANDED
 
-GROUPS = ("sensor gain", "sensor bias", "sensor drift", "friction", "warming", "links", "payload",
-          "model", "clock")  # fmt: skip
+GROUPS = (
+    *("sensor gain", "sensor bias", "sensor drift"),
+    *("friction", "warming", "links", "payload", "model", "clock"),
+)
 """Parts of a robot that are distinguished."""
 BODY, LEVER = 0.25, 0.2
 """Plausible change of a body: share of the mass of the robot, and its lever [m]."""

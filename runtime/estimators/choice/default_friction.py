@@ -307,10 +307,9 @@ class FrictionTrial:
         """Mean square error of every block, predicted by the others with some of the columns."""
         count = (self.blocks[0].factor.shape[1] - self.blocks[0].n_base) // self.joints
         left_out = np.tile(~np.isin(np.arange(count), columns), self.joints)
-        return np.array([
-            misfit(block, rest.solution(left_out)) / (block.n_samples * self.joints)
-            for block, rest in zip(self.blocks, self.others, strict=True)
-        ])  # fmt: skip
+        pairs = zip(self.blocks, self.others, strict=True)
+        each = [misfit(block, rest.solution(left_out)) for block, rest in pairs]
+        return np.array(each) / [block.n_samples * self.joints for block in self.blocks]
 
 
 def trial_on(done: Recording, lib: Library, robust: bool) -> FrictionTrial:

@@ -123,8 +123,11 @@ def prepared_walk(
     if is_commanded:
         states = [equations.with_contact_states(log, lib) for log in logs]
         logs = [log for log, _ in states]
-        notes = [f"{log.name}: {note}" if len(logs) > 1 else note
-                 for log, said in states for note in said]  # fmt: skip
+        notes = [
+            f"{log.name}: {note}" if len(logs) > 1 else note
+            for log, said in states
+            for note in said
+        ]
     terms = friction_of(logs[0].joints, settings)
     if terms is None and settings.prior is not None:
         terms = settings.prior.friction_model

@@ -208,13 +208,10 @@ def rows_of(
     unknown = np.isnan(wrench)
     right += np.einsum("nck,nc->nk", jacobian, np.where(unknown, 0.0, wrench))
     jacobian, known = jacobian[:, :, kept], right[:, kept]
+    parts = [slice(i, i + _BLOCK) for i in range(0, count, _BLOCK)]
     y = np.concatenate(
-        [
-            lib.base_regressor(motion.q[i : i + _BLOCK], motion.dq[i : i + _BLOCK],
-                               motion.ddq[i : i + _BLOCK])[:, kept]
-            for i in range(0, count, _BLOCK)
-        ]
-    )  # fmt: skip
+        [lib.base_regressor(motion.q[p], motion.dq[p], motion.ddq[p])[:, kept] for p in parts]
+    )
     errors = np.swapaxes(jacobian[:, VERTICAL::6], 1, 2) @ reading_errors(lib, motion)
     names, has_drives = tuple(lib.row_names[k] for k in kept), drives is not None
     if drives is not None:
@@ -307,8 +304,8 @@ def _samples(base: Array, right: Array, errors: Array) -> Samples:
     coupling = None
     if count:
         coupling = Coupling(np.zeros((1, 1)), (False,) * count, (True,) * count, has_one_row=True)
-    return Samples(empty, empty, None, np.ascontiguousarray(right), np.ascontiguousarray(errors),
-                   coupling=coupling, base=np.ascontiguousarray(base))  # fmt: skip
+    right, errors, base = (np.ascontiguousarray(each) for each in (right, errors, base))
+    return Samples(empty, empty, None, right, errors, coupling=coupling, base=base)
 
 
 def _null_spaces(jacobian: Array, unknown: Array) -> Array:

@@ -113,9 +113,15 @@ def _root(posterior: posterior_file.SavedPosterior, lib: Library, phi: Array) ->
 
 
 def posterior_covariance(
-    lib: Library, root: Array, samples: Samples, columns: Array, errors: Array, noise: Array,
-    shape: Array, density: float,
-) -> tuple[Array, bool]:  # fmt: skip
+    lib: Library,
+    root: Array,
+    samples: Samples,
+    columns: Array,
+    errors: Array,
+    noise: Array,
+    shape: Array,
+    density: float,
+) -> tuple[Array, bool]:
     """Covariance of a payload's π by the posterior of the arm, and whether it expects the residual.
 
     errors (N, n) have the noise (n,) times the root of the density; shape is C, (10, 10). Errors
@@ -138,9 +144,14 @@ def posterior_covariance(
 
 
 def arm_covariance(
-    lib: Library, model: ArmModel, run: Recording, columns: Array, noise: Array, errors: Array,
+    lib: Library,
+    model: ArmModel,
+    run: Recording,
+    columns: Array,
+    noise: Array,
+    errors: Array,
     payload: Array,
-) -> Array:  # fmt: skip
+) -> Array:
     """Covariance of a payload's π by the prior of the arm, as wide as the residual makes likely."""
     # R of the arm: block-diagonal root of the prior's spread at its parameters.
     spread = bodies_of(lib).spread(prior_of(lib, model.pi).centre) / np.sqrt(CAD)
@@ -188,9 +199,14 @@ def over_noise(columns: Array, noise: Array) -> Array:
 
 
 def gain_covariance(
-    columns: Array, torque: Array, errors: Array, noise: Array, shape: Array, density: float,
+    columns: Array,
+    torque: Array,
+    errors: Array,
+    noise: Array,
+    shape: Array,
+    density: float,
     expected: float,
-) -> tuple[Array, float]:  # fmt: skip
+) -> tuple[Array, float]:
     """Covariance of a payload's π by independent errors of the torque gains, and their σ.
 
     errors (N, n) have the noise (n,) times the root of the density; shape is C, (10, 10), and
@@ -230,9 +246,13 @@ class PostureDeviation:
 
 
 def posture_error(
-    run: Recording, names: Sequence[str], rows: Array, errors: Array, shape: Array,
+    run: Recording,
+    names: Sequence[str],
+    rows: Array,
+    errors: Array,
+    shape: Array,
     covariance: Array,
-) -> PostureDeviation | None:  # fmt: skip
+) -> PostureDeviation | None:
     """Errors that repeat with the position of the joint where they are largest."""
     whole, variance, q = np.linalg.inv(shape), np.diagonal(covariance), run.q
     worst, largest = None, (False, 1.0)

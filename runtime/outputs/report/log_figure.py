@@ -61,8 +61,9 @@ def draw_growth(growth: Growth, path: Path) -> None:
             )
         masses.set_title("σ of masses [g], MAP with the URDF as prior")
         worst.plot(growth.seconds, 100 * growth.worst, color=canvas.INK)
-        worst.set_title("largest σ of a base parameter [% of its value]; "
-                        f"at the end: {growth.worst_name}")  # fmt: skip
+        worst.set_title(
+            f"largest σ of a base parameter [% of its value]; at the end: {growth.worst_name}"
+        )
         for axis in (masses, worst):
             axis.set_yscale("log")
             axis.yaxis.set_major_formatter(lambda value, _: f"{value:g}")

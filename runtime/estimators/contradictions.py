@@ -198,7 +198,6 @@ def model_tests(
     density: float,
     pi: Array,
     *,
-    is_of_type: bool = False,
     delay: Callable[[], tuple[float, float] | None] | None = None,
 ) -> ModelTests:
     """Test data, prior and result against each other.
@@ -212,16 +211,15 @@ def model_tests(
         causes = causes if estimate is None else causes.with_delay(*estimate)
     friction = None if fit is None else friction_test(fit)
     test = prior_test(lib, data, prior, kappa, density)
-    rest = data.factor @ pi - data.target
-    misfit = float(rest @ rest) / max(density, LEAST_DENSITY) / test.threshold
+    misfit = _misfit(data, pi) / max(density, LEAST_DENSITY) / test.threshold
     named = tuple(sorted(causes.named, key=lambda cause: not cause.is_plausible))
     # Placeholders for links without <inertial> are no prior that a torque could contradict.
-    contradicted = test.is_contradicted and (is_of_type or not lib.placeholders)
+    contradicted = test.is_contradicted and (prior.is_of_type or not lib.placeholders)
     doubt, errors = "", []
     if contradicted or not all(each.is_plausible for each in named):
         doubt = _of_columns(lib, fit)
     if not doubt and contradicted and not 1 / SCALE < test.scale < SCALE:
-        doubt = _of_unit(test, is_of_type)
+        doubt = _of_unit(test, prior.is_of_type)
     if named and named[0].is_usable:
         errors.append(
             f"{sentence_of(lib, named)}: the parameters take up a part of it, and their intervals "
@@ -231,9 +229,9 @@ def model_tests(
         doubt = doubt or _of_cause(lib, named)
     if contradicted and not doubt:
         if test.is_of_another and not test.links:
-            doubt = _of_prior(test, is_of_type)
+            doubt = _of_prior(test, prior.is_of_type)
         else:
-            errors.insert(0, _of_urdf(test, is_of_type))
+            errors.insert(0, _of_urdf(test, prior.is_of_type))
     if friction is not None and friction.is_contradicted:
         errors.append(
             f"the residuals of {', '.join(friction.names(lib))} contain friction that the columns "

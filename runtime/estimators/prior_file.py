@@ -34,7 +34,7 @@ inertia of the URDF.
 import math
 import sys
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal, NoReturn
 from xml.etree import ElementTree
@@ -120,7 +120,9 @@ class KnownFriction:
 
 def prior_about(lib: Library, guess: Array, centre: Array | None) -> Prior:
     """Entropic prior about a stated centre, or about a first guess."""
-    return prior_of(lib, guess) if centre is None else prior_of(lib, centre, floor=0.0)
+    if centre is None:
+        return prior_of(lib, guess)
+    return replace(prior_of(lib, centre, floor=0.0), is_of_type=True)
 
 
 def centre_of(stated: BodyTables, where: str, lib: Library) -> Array:

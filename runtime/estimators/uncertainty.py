@@ -239,13 +239,10 @@ def uncertainty_of(
     spread = laplace(
         *(lib, widened.statistics, data, level, pi, prior, kappa, widened.slopes),
         is_most_probable=is_most_probable,
-        is_of_type=centre is not None,
     )
     outcome = ModelTests()
     if tests:
-        outcome = model_tests(
-            lib, fit, data, prior, kappa, level, pi, is_of_type=centre is not None, delay=delay
-        )
+        outcome = model_tests(lib, fit, data, prior, kappa, level, pi, delay=delay)
     # Rank of the motion: singular values of A over columns of unit length in the statistics.
     base = lib.base_matrix
     silent = np.logical_not(base.any(axis=0)).tolist()
@@ -318,7 +315,6 @@ def laplace(
     slopes: Array,
     *,
     is_most_probable: bool,
-    is_of_type: bool = False,
 ) -> Spread:
     """Laplace's approximation about π̂: data with friction eliminated, slopes of nuisance torque."""
     bodies = bodies_of(lib)
@@ -328,7 +324,7 @@ def laplace(
     # What the estimate differs from data with hardly any prior counts as its error, unless the
     # trust in the prior was estimated from other units of the type.
     reference, vague = vague_posterior(lib, prior, rows, target)
-    if is_of_type:
+    if prior.is_of_type:
         reference = pi
     usual = by_kappa.root if is_most_probable else vague
     moved, phi_nuisance = nuisance_of_slopes(lib, statistics, slopes, level, usual)

@@ -230,7 +230,14 @@ def record_of(result: Identification, command: str) -> schema.ResultRecord:
     lib, law, trace = result.lib, result.train.law, result.trace
     gains = late = drives = trained = None
     if (estimated := result.train.gains) is not None:
-        gains = tuple(schema.CurrentGain(**each) for each in estimated.facts())
+        gains = schema.CurrentGain.from_columns(
+            channel=estimated.channels,
+            gain=estimated.gain,
+            sigma=estimated.sigma,
+            ratio_to=[estimated.channels[estimated.reference]] * len(estimated.channels),
+            ratio_sigma=estimated.ratio_sigma,
+            verdict=estimated.verdicts,
+        )
     if (drive := result.drive) is not None:
         late, sigma = drive.delay_parts(), posterior_file.friction_sigma(result)
         drives = drive.parts(lib.joint_names, result.usual_phi, sigma, result.friction.columns)

@@ -183,24 +183,6 @@ class ChangedRows:
         return tells(self.rest.shape[1], self.cosines, self.columns.shape[2])
 
 
-def scores_of(
-    lib: Library,
-    model: MonitoredModel,
-    pi: Array,
-    t: Array,
-    samples: Samples,
-    root: Array,
-    over: Array,
-    ranges: Array,
-) -> Scores:
-    """Scores of a log of joints.
-
-    pi (10 n,), t (N,) [s], root L (p, columns) of [β; φ], over (n,) 1/σ [1/(N·m)], ranges (n,)
-    [N·m, N].
-    """
-    return scores_of_rows(changed_rows(lib, model, pi, t, samples, over, ranges), root)
-
-
 def changed_rows(
     lib: Library,
     model: MonitoredModel,
@@ -210,7 +192,10 @@ def changed_rows(
     over: Array,
     ranges: Array,
 ) -> ChangedRows:
-    """Equations of a log of joints, arguments as of `scores_of`."""
+    """Equations of a log of joints.
+
+    pi (10 n,), t (N,) [s], over (n,) 1/σ [1/(N·m)], ranges (n,) [N·m, N].
+    """
     count, n = samples.tau.shape
     base = samples.base_rows(lib)
     tau = torque_of(lib, samples, pi, model.phi)

@@ -32,26 +32,12 @@ class CurrentGains:
     scale: str  # what fixes the common factor, a phrase
     common_sigma: float  # relative standard deviation of the common factor with the URDF as prior
 
-    def facts(self) -> list[dict[str, Any]]:
-        """`current_gains` of result.json, one table per channel."""
-        return [
-            {
-                "channel": name,
-                "gain": float(self.gain[j]),
-                "sigma": _number(self.sigma[j]),
-                "ratio_to": self.channels[self.reference],
-                "ratio_sigma": _number(self.ratio_sigma[j]),
-                "verdict": self.verdicts[j],
-            }
-            for j, name in enumerate(self.channels)
-        ]
-
     @classmethod
     def from_facts(cls, facts: list[dict[str, Any]], scale: str) -> "CurrentGains":
         """The gains that `facts` describe; the file does not hold σ of the common factor."""
 
         def column(key: str) -> Array:
-            return np.array([np.nan if each[key] is None else each[key] for each in facts], float)
+            return np.array([each[key] for each in facts], dtype=float)  # null is NaN
 
         channels = tuple(str(each["channel"]) for each in facts)
         return cls(
@@ -89,7 +75,3 @@ class CurrentGains:
             f"the currents of {', '.join(unseen)} show no torque of the links, so that their gains "
             "are not identifiable from this motion; they take the median of the others",
         )
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -104,6 +104,7 @@ class Prior:
     centre: Array  # π0 after the floor, (10 n,); P0_k ≻ 0
     slope: Array  # tr(P0_k⁻¹ B_i), (10 n,): Σ tr(P0_k⁻¹ P_k) = slope · π
     notes: tuple[str, ...] = ()  # sentences on what had to be repaired
+    is_of_type: bool = False  # whether its trust was estimated from other units of the robot's type
 
     def thinnest(self) -> Array:
         """Smallest eigenvalue of Σ_com of every link, (n,) [kg·m²]."""

@@ -71,7 +71,6 @@ class Evidence:
             *(self.lib, data, reduced, self.level, self.pi, self.prior, self.kappa),
             times * self.slopes,
             is_most_probable=self.is_most_probable,
-            is_of_type=self.centre is not None,
         )
         return data, reduced, eliminated, spread
 

@@ -34,7 +34,7 @@ from runtime.monitoring.drift import (
 )
 from runtime.monitoring.model import model_of
 from runtime.monitoring.noise import read_held_out, read_test_rows
-from runtime.monitoring.scores import Scores, changes_of, scores_of
+from runtime.monitoring.scores import Scores, changed_rows, changes_of, scores_of_rows
 from runtime.recording import Friction, Preparation
 from runtime.recording.preprocessing import prepare
 from runtime.simulation import Plant, ideal
@@ -468,7 +468,8 @@ def test_a_drift_rises_by_its_size_over_the_log(
     log, model = log.take(slice(0, 200), "short"), model_of(saved, lib)
     root, over = 1e-6 * np.eye(len(lib.base_matrix) + saved.phi.size), np.arange(1.0, 8.0)
     samples, ranges = samples_of(log, lib), np.ones(lib.n_joints)
-    scores = scores_of(lib, model, saved.pi, log.t, samples, root, over, ranges)
+    rows = changed_rows(lib, model, saved.pi, log.t, samples, over, ranges)
+    scores = scores_of_rows(rows, root)
     lengths = np.linalg.norm(scores.columns, axis=0)
     names = changes_of(lib, model, np.ones((2, lib.n_joints))).names
     for kind, column in (("bias", np.ones(200)), ("drift", np.linspace(-0.5, 0.5, 200))):
@@ -489,10 +490,11 @@ def test_a_rest_adds_the_square_of_its_dry_friction(
     samples = dataclasses.replace(samples, dq=still)
     model = dataclasses.replace(model_of(saved, lib), phi=np.zeros_like(saved.phi))  # F is unknown
     root, over = 1e-6 * np.eye(len(lib.base_matrix) + saved.phi.size), np.full(lib.n_joints, 20.0)
-    one, two, three = (
-        scores_of(lib, model, saved.pi, log.t, samples, root, over, k * np.ones(lib.n_joints)).noise
+    rows = (
+        changed_rows(lib, model, saved.pi, log.t, samples, over, k * np.ones(lib.n_joints))
         for k in (1, 2, 3)
     )
+    one, two, three = (scores_of_rows(each, root).noise for each in rows)
     assert np.abs(two - one).max() > 0
     np.testing.assert_allclose(three - one, 8 / 3 * (two - one), atol=1e-9 * np.abs(one).max())
 

@@ -36,13 +36,16 @@ if TYPE_CHECKING:
     from runtime.identification.online import OnlineEstimate, OnlineEstimator
     from runtime.identification.payload.body import Payload
     from runtime.identification.payload.estimate import identify_payload
+    from runtime.identification.result_file import write_result
     from runtime.identification.saved_result import SavedResult, read_result
     from runtime.identification.sensor_gains import Gains, identify_gains
     from runtime.identification.settings import Settings
     from runtime.inspection.inspection import Inspection
     from runtime.inspection.inspection import inspect_log as inspect
     from runtime.library import BaseMotion, Library, load, to_pinocchio_order
+    from runtime.monitoring.drift import Verdict
     from runtime.monitoring.observer import Observer
+    from runtime.monitoring.watch import watch
     from runtime.outputs.model_files.export import export, to_mujoco, to_pinocchio
     from runtime.outputs.report.report import write_report as report
     from runtime.recording import Recording, read_recording, write_recording
@@ -73,6 +76,7 @@ __all__ = [
     "Recording",
     "SavedResult",
     "Settings",
+    "Verdict",
     "choose_default_friction",
     "choose_friction",
     "evaluate",
@@ -92,7 +96,9 @@ __all__ = [
     "to_pinocchio",
     "to_pinocchio_order",
     "torch",
+    "watch",
     "write_recording",
+    "write_result",
 ]
 
 _MODULES = {  # module → names of it, imported at the first use: scipy takes 0.5 s
@@ -109,13 +115,16 @@ _MODULES = {  # module → names of it, imported at the first use: scipy takes 0
     "runtime.identification.online": ("OnlineEstimate", "OnlineEstimator"),
     "runtime.identification.payload.body": ("Payload",),
     "runtime.identification.payload.estimate": ("identify_payload",),
+    "runtime.identification.result_file": ("write_result",),
     "runtime.identification.saved_result": ("SavedResult", "read_result"),
     "runtime.identification.sensor_gains": ("Gains", "identify_gains"),
     "runtime.identification.settings": ("Settings",),
     "runtime.inspection.inspection": ("Inspection",),
     "runtime.inspection.inspection:inspect_log": ("inspect",),
     "runtime.library": ("BaseMotion", "Library", "load", "to_pinocchio_order"),
+    "runtime.monitoring.drift": ("Verdict",),
     "runtime.monitoring.observer": ("Observer",),
+    "runtime.monitoring.watch": ("watch",),
     "runtime.outputs.model_files.export": ("export", "to_mujoco", "to_pinocchio"),
     "runtime.outputs.report.report:write_report": ("report",),
     "runtime.recording": ("Recording", "read_recording", "write_recording"),

@@ -27,7 +27,7 @@ from runtime.estimators.optimizers import Status
 from runtime.identification.free_base import result as walks_result
 from runtime.identification.free_base.prepared_walk import usual_rows
 from runtime.identification.identified import Identification
-from runtime.identification.identify import identify, with_row_marks
+from runtime.identification.identify import identify
 from runtime.identification.posterior_file import spring_lines
 from runtime.identification.result_file import write_result
 from runtime.identification.result_record import ResultRecord
@@ -49,13 +49,12 @@ UNFINISHED = frozenset(
 
 def finish(result: AnyResult, folder: Path, given: IdentifySettings, inspect: str) -> None:
     """Write all files of a result, then print it: a pipe that closes costs no file."""
+    record = write_result(result, folder, command_line())
+    files = _written(result, folder, given)
     if isinstance(result, walks_result.FreeBaseIdentification):
-        record = walks_result.write_free_base(result, folder, command_line())
-        files = [*_written(result, folder, given), f"result: {folder / 'result.json'}"]
+        files.append(f"result: {folder / 'result.json'}")
         lines = print_walk(result)
     else:
-        record = write_result(result, folder, command_line())
-        files = _written(result, folder, given)
         lines = _summary(result, record, inspect, given.robot)
     for line in (*lines, *files):
         say(line)
@@ -269,8 +268,6 @@ def identify_command(given: IdentifySettings) -> None:
         stream = False if given.stream is None and needs_samples(settings) else given.stream
         log = walks or opened_logs(given, lib, stream, given.payload_of or ())
         result = identify(log, lib, settings, progress=shown)
-        if isinstance(result, Identification):
-            result = with_row_marks(result, log, settings.split)
     _WRITTEN.begin(folder, given)
     finish(result, folder, given, inspect)
 

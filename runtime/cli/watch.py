@@ -1,14 +1,11 @@
 """`symgen watch`."""
 
-import dataclasses
 import hashlib
-from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import typer
 
 from runtime.cli.log_options import Recipe, ResultChoices, bundled_logs, open_result
@@ -17,22 +14,11 @@ from runtime.common.settings import argument_field, data_field, output_field
 from runtime.common.tables import Table
 from runtime.common.terminal import say, say_notes, show
 from runtime.errors import RecordingError
-from runtime.identification.posterior_file import read_posterior
-from runtime.identification.saved_result import SavedResult
-from runtime.library import Array, Library
-from runtime.monitoring import drift
-from runtime.monitoring.model import model_of
-from runtime.monitoring.noise import read_held_out, read_test_rows
+from runtime.monitoring import drift, watch
 from runtime.monitoring.trends import append_history, read_history
-from runtime.recording import Preparation, Recording
-from runtime.recording.consistency import require_plausible
-from runtime.recording.free_base import FreeBaseRecording, read_free_base
-from runtime.recording.preprocessing import prepare
 from runtime.recording.reader import locate, mean_of_column
-from runtime.recording.row_marks import Marks, row_hashes, row_marks, share_of_rows
 
 SHOWN = 5
-KNOWN = 0.5  # share of rows of the model or of a reference log from which a log is no later one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,13 +78,8 @@ def watch_command(given: WatchSettings) -> None:
         }
         for log in given.logs
     ]
-    root = read_posterior(given.result, saved, lib).of_readings().root(lib)
-    watched = (_of_free_base if saved.record.is_free else _of_joints)(given, saved, lib, root)
-    marks = [row_marks(day) for day in watched.days]
-    verdicts = [
-        drift.verdict_of(lib, watched.baseline, log, _is_known(saved, marks, joints))
-        for log, joints in zip(watched.logs, watched.joints, strict=True)
-    ]
+    logs = watch.watched(given.result, saved, lib, given.logs, given.references or (), given.recipe)
+    verdicts = logs.verdicts()
     entries = [_facts(verdict) for verdict in verdicts]
     if given.history is not None:
         file = given.result / "result.json" if given.result.is_dir() else given.result
@@ -112,7 +93,7 @@ def watch_command(given: WatchSettings) -> None:
             [
                 check | {"log_sha256": dict(log.source)} | each | facts | {"sizes": _sizes(verdict)}
                 for log, each, facts, verdict in zip(
-                    watched.joints, circumstances, entries, verdicts, strict=True
+                    logs.joints, circumstances, entries, verdicts, strict=True
                 )
             ],
         )
@@ -127,73 +108,6 @@ def watch_command(given: WatchSettings) -> None:
         say_notes(notes)
     if any(verdict.changed for verdict in verdicts):
         raise typer.Exit(1)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Watched:
-    """Logs as they are tested, their joints and those of the logs of reference as read."""
-
-    baseline: drift.Baseline
-    logs: Sequence[drift.WatchedLog]
-    joints: list[Recording]
-    days: list[Recording]
-
-
-def _of_joints(given: WatchSettings, saved: SavedResult, lib: Library, root: Array) -> _Watched:
-    """Logs of a fixed base, prepared."""
-    model = model_of(saved, lib)
-    sigma = np.sqrt(np.mean(read_held_out(given.result, model).rest ** 2, axis=0))
-    raw = [saved.log_of(log, lib, given.recipe) for log in given.logs]
-    logs = _prepared(lib, saved, given.logs, raw)
-    days = [saved.log_of(log, lib, given.recipe) for log in given.references or []]
-    healthy = _prepared(lib, saved, given.references or [], days)
-    baseline = drift.baseline_of(
-        lib, saved, root, sigma, read_test_rows(given.result, model), healthy
-    )
-    return _Watched(baseline, logs, raw, days)
-
-
-def _of_free_base(given: WatchSettings, saved: SavedResult, lib: Library, root: Array) -> _Watched:
-    """Logs of a free base, as read."""
-    logs, days = (
-        [_free_log(log, given) for log in each] for each in (given.logs, given.references or [])
-    )
-    baseline = drift.free_baseline_of(lib, saved, root, logs[0], days)
-    return _Watched(baseline, logs, [log.joints for log in logs], [day.joints for day in days])
-
-
-def _free_log(log: str, given: WatchSettings) -> FreeBaseRecording:
-    if given.recipe is not None:
-        raise RecordingError(
-            "--recipe does not apply to a log of a free base, whose arrays have stated names; "
-            "leave it out"
-        )
-    return read_free_base(Path(log))
-
-
-def _is_known(saved: SavedResult, references: list[Marks], log: Recording) -> bool:
-    """Whether most rows of a log are those of the model or of a log of reference."""
-    hashes = row_hashes(log)
-    shares = [share_of_rows(marks, hashes) for marks in references]
-    return max(saved.fitted_share(log), *shares, 0.0) > KNOWN
-
-
-def _prepared(
-    lib: Library, saved: SavedResult, logs: list[str], raw: list[Recording]
-) -> list[Recording]:
-    """Logs, prepared as that of the result unless their recipe states a preparation."""
-    stems = [Path(log).stem for log in logs]
-    recordings = []
-    for log, stem, recording in zip(logs, stems, raw, strict=True):
-        require_plausible(recording, lib)
-        steps = recording.preparation
-        if steps == Preparation():
-            steps = saved.preparation.at_rate(recording.rate_hz)
-        steps = dataclasses.replace(steps, regressor="acceleration")
-        prepared = prepare(recording, steps, saved.friction, lib=lib)
-        # The name of a recipe is that of all its logs.
-        recordings.append(prepared.replace(name=stem if stems.count(stem) == 1 else log))
-    return recordings
 
 
 def _facts(verdict: drift.Verdict) -> dict[str, Any]:

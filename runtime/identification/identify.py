@@ -179,7 +179,8 @@ def identify(
         result = replace(result, agreement=result.agreement.replace(delay_s=known))
     if pairs:
         result = with_sides(result, pairs)
-    return replace(result, notes=(*notes, *result.notes))
+    result = replace(result, notes=(*notes, *result.notes))
+    return _with_row_marks(result, named, chosen.split)
 
 
 def _require_logs(log: Any, lib: Library, settings: Settings) -> None:
@@ -200,10 +201,11 @@ def _require_logs(log: Any, lib: Library, settings: Settings) -> None:
         )
 
 
-def with_row_marks(result: Identification, log: AnyLog, split: Split | None) -> Identification:
+def _with_row_marks(
+    result: Identification, named: Sequence[NamedLog], split: Split | None
+) -> Identification:
     """The result with marks of the fitted rows, for other commands; none of a log in its file."""
-    every = log if isinstance(log, Sequence) else [log]
-    logs = [each.recording if isinstance(each, NamedLog) else each for each in every]
+    logs = [each.recording for each in named]
     marks = [
         row_marks(
             independent_joints(

@@ -23,6 +23,7 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import BAND_SAMPLES
 from runtime.identification import metrics, posterior_file, saved_result, statistics_file
 from runtime.identification import result_record as schema
+from runtime.identification.free_base.result import FreeBaseIdentification
 from runtime.identification.identified import Identification, torque_errors
 from runtime.identification.posterior_file import friction_sigma
 from runtime.library import Array, Library, load, require_library
@@ -317,20 +318,40 @@ def opened(
     return saved, lib, saved_result.require_model(saved.record, lib, place, same_bodies)
 
 
-def write_result(result: Identification, folder: Path, command: str) -> schema.ResultRecord:
-    """Write the files of an identification into a folder."""
-    require_size(np.concatenate([result.pi, np.ravel(result.usual_phi)]))
-    record, rows = record_of(result, command), statistics_file.predictions_of(result)
-    return write_files(record, folder, posterior_file.posterior_of_result(result), rows)
+NewResult = Identification | FreeBaseIdentification  # what `runtime.identify` gives
 
 
-def write_files(
-    record: schema.ResultRecord,
-    folder: Path,
-    posterior: posterior_file.SavedPosterior | None,
-    rows: dict[str, Any],
+def write_result(
+    result: NewResult, folder: str | PathLike[str], command: str = "runtime.identify"
 ) -> schema.ResultRecord:
-    """Write posterior.npz where there is one, predictions.npz and result.json into a folder."""
+    """Write result.json, predictions.npz and posterior.npz, which all commands read.
+
+    Args:
+        result: of `runtime.identify`.
+        folder: of the files, created where it is missing; those of an earlier result are replaced.
+        command: how the result was made, for its provenance.
+
+    Returns:
+        The content of result.json.
+
+    Raises:
+        RuntimeFault: no result, parameters that no reader accepts, or a folder without access.
+    """
+    if not isinstance(result, NewResult):
+        raise IdentificationError(
+            f"expected a result of runtime.identify, got {result!r:.60}; the files of one that was "
+            "read are in its folder"
+        )
+    if not isinstance(folder, str | PathLike):
+        raise IdentificationError(f"expected the folder of a result, got {folder!r:.60}")
+    folder = Path(folder)
+    require_size(np.concatenate([result.pi, np.ravel(result.usual_phi)]))
+    if isinstance(result, Identification):
+        record, rows = record_of(result, command), statistics_file.predictions_of(result)
+        posterior = posterior_file.posterior_of_result(result)
+    else:
+        record, posterior = result.record_by(command), result.written_posterior
+        rows = result.predictions | {"row_marks": result.row_marks}
     if posterior is not None:
         write_arrays(folder / posterior_file.FILE, posterior)
     with replacing(folder / statistics_file.PREDICTIONS) as content:

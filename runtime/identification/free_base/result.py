@@ -6,7 +6,6 @@ Coefficients of sensors, and the delay, are eliminated from the posterior that i
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
@@ -27,7 +26,6 @@ from runtime.identification import result_record as schema
 from runtime.identification.free_base import rows as equations
 from runtime.identification.free_base.drives import rms
 from runtime.identification.posterior_file import SavedPosterior
-from runtime.identification.result_file import require_size, write_files
 from runtime.identification.saved_result import SavedResult
 from runtime.identification.statistics_file import UnitStatistics, unit_statistics
 from runtime.library import Array, Library
@@ -128,22 +126,15 @@ class FreeBaseIdentification(SavedResult):
         known = replace(known, statistics=of_friction)
         return replace(self.posterior, information=known, phi_nuisance=None)
 
+    def record_by(self, command: str) -> schema.ResultRecord:
+        """The record with the command that made it."""
+        return self.record.replace(provenance=self.record.provenance.replace(command=command))
+
 
 def statistics_of_walk(result: FreeBaseIdentification, unit: str) -> UnitStatistics:
     """Compressed training samples of a result, for `fleet`."""
     known, terms = result.written_posterior.information, result.friction
     return unit_statistics(result.lib, unit, known, terms, terms.columns)
-
-
-def write_free_base(
-    result: FreeBaseIdentification, folder: Path, command: str
-) -> schema.ResultRecord:
-    """Write result.json, predictions.npz and posterior.npz into a folder."""
-    record = result.record
-    record = record.replace(provenance=record.provenance.replace(command=command))
-    require_size(np.concatenate([result.pi, result.phi.ravel()]))
-    rows = result.predictions | {"row_marks": result.row_marks}
-    return write_files(record, folder, result.written_posterior, rows)
 
 
 def marginal(statistics: Statistics, kept: slice) -> Statistics:

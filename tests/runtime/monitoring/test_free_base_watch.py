@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from runtime.errors import RuntimeFault
-from runtime.identification.free_base.result import write_free_base
 from runtime.identification.free_base.rows import contact_jacobian
 from runtime.identification.identify import identify
 from runtime.identification.posterior_file import read_posterior
+from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import SavedResult, read_result
 from runtime.library import Library
 from runtime.library.parameters import MASS, link_columns
@@ -54,7 +54,7 @@ def watched(request, hopper: Library, tmp_path_factory) -> Watched:
     )
     folder = tmp_path_factory.mktemp("watched")
     result = identify(free_base_of(first, "first"), hopper, rows=request.param, cutoff=10.0)
-    write_free_base(result, folder, "test")
+    write_result(result, folder, "test")
     saved = read_result(folder)
     root = read_posterior(folder, saved, hopper).of_readings().root(hopper)
     return Watched(folder, saved, root, first, second)
@@ -128,7 +128,7 @@ def test_an_accelerometer_without_a_force_sensor(hopper: Library, tmp_path: Path
 
     first = half(slice(0, 1200), noisy)
     result = identify(free_base_of(first, "first"), hopper, rows="all", cutoff=10.0)
-    write_free_base(result, tmp_path / "result", "test")
+    write_result(result, tmp_path / "result", "test")
     saved = read_result(tmp_path / "result")
     root = read_posterior(tmp_path / "result", saved, hopper).of_readings().root(hopper)
     watched = Watched(tmp_path, saved, root, first, half(slice(1200, None), noisy))
@@ -151,7 +151,7 @@ def test_a_model_by_commands_may_be_wrong_by_more_than_its_interval(
         for part in (slice(0, 1200), slice(1200, None))
     )
     folder = tmp_path / "result"
-    write_free_base(identify(free_base_of(first, "first"), hopper, cutoff=10.0), folder, "test")
+    write_result(identify(free_base_of(first, "first"), hopper, cutoff=10.0), folder, "test")
     saved = read_result(folder)
     posterior = read_posterior(folder, saved, hopper).of_readings()
     root, over_pi = posterior.root(hopper), posterior.pi_root

@@ -1,0 +1,73 @@
+"""Watch in Python: the verdicts of the command, by a result in memory or in its folder."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+import runtime
+from runtime import Recording
+from runtime.errors import RuntimeFault
+from runtime.library import Library
+from runtime.recording.free_base import free_base_of
+from tests.free_base_logs import virtual_log
+from tests.robots import DATA
+from tests.runtime.conftest import Command
+from tests.runtime.monitoring.conftest import Monitored
+
+
+@pytest.fixture(scope="module")
+def later(panda: Recording) -> Recording:
+    """A cut of the log with a sensor that reads 10 % high."""
+    rows = panda.t >= panda.t[0] + 0.5 * panda.duration
+    log = panda.take(rows, "the second half").replace(recipe=None, name="later")
+    return log.replace(tau=log.required("tau") * [1, 1.1, 1, 1, 1, 1, 1])
+
+
+def test_python_gives_the_verdict_of_the_command(
+    lib: Library, monitored: Monitored, later: Recording, command: Command, tmp_path: Path
+) -> None:
+    """Oracle: JSON of `symgen watch` on the same folder and log."""
+    runtime.write_recording(later, tmp_path / "later.npz")
+    facts = json.loads(command("watch", monitored.folder, "later.npz", "--json").out)
+    of_file, of_log = (
+        runtime.watch(monitored.folder, each, lib)[0] for each in (tmp_path / "later.npz", later)
+    )
+    assert facts["sentence"] == of_file.sentence() == of_log.sentence()
+    assert of_file.best.where == "fr3_joint2"
+    assert facts["p_value"] == of_file.p_value == of_log.p_value
+
+
+def test_a_result_in_memory_is_that_of_its_folder(panda: Recording, tmp_path: Path) -> None:
+    """Property: the same verdict, and p = 1 for the log of the result itself."""
+    result = runtime.identify(panda, runtime.load("fr3"))
+    record = runtime.write_result(result, tmp_path / "new" / "arm")
+    assert record.provenance.command == "runtime.identify"
+    (here,), (there,) = runtime.watch(result, panda), runtime.watch(tmp_path / "new" / "arm", panda)
+    assert (here.p_value, here.best) == (there.p_value, there.best)
+    assert here.p_value == 1.0
+    share = runtime.evaluate(result, panda).fitted_share
+    assert share == runtime.read_result(tmp_path / "new" / "arm").fitted_share(panda) > 0.9
+
+
+def test_what_is_no_log_or_no_result_is_refused(
+    monitored: Monitored, panda: Recording, tmp_path: Path
+) -> None:
+    """Property: one sentence each, and no file is written."""
+    urdf = (DATA / "hopper.urdf").read_text(encoding="utf-8")
+    walk = free_base_of(virtual_log(urdf, ("left_foot",), 1).arrays, "walk")
+    for log, words in (
+        (3, "expected a log or several"),
+        ([], "got none"),
+        (walk, "robot with a free base"),
+        ("none.csv", "there is no file"),
+    ):
+        with pytest.raises(RuntimeFault, match=words):
+            runtime.watch(monitored.folder, log)  # type: ignore[arg-type]
+    with pytest.raises(RuntimeFault, match=r"expected a result of runtime\.identify"):
+        runtime.watch(monitored.saved, panda)  # type: ignore[arg-type]
+    with pytest.raises(RuntimeFault, match="expected the folder"):
+        runtime.write_result(monitored.result, 3)  # type: ignore[arg-type]
+    with pytest.raises(RuntimeFault, match="are in its folder"):
+        runtime.write_result(monitored.saved, tmp_path)  # type: ignore[arg-type]
+    assert not [*tmp_path.iterdir()]

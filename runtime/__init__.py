@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from runtime.outputs.report.report import write_report as report
     from runtime.recording import Recording, read_recording, write_recording
     from runtime.recording.free_base import FreeBaseRecording, read_free_base
+    from runtime.recording.preprocessing.segments import differentiate
     from runtime.tapes.functions import jax, torch
 
 __version__ = "0.1.0"
@@ -79,6 +80,7 @@ __all__ = [
     "Verdict",
     "choose_default_friction",
     "choose_friction",
+    "differentiate",
     "evaluate",
     "excite",
     "export",
@@ -129,6 +131,7 @@ _MODULES = {  # module → names of it, imported at the first use: scipy takes 0
     "runtime.outputs.report.report:write_report": ("report",),
     "runtime.recording": ("Recording", "read_recording", "write_recording"),
     "runtime.recording.free_base": ("FreeBaseRecording", "read_free_base"),
+    "runtime.recording.preprocessing.segments": ("differentiate",),
     "runtime.tapes.functions": ("jax", "torch"),
 }
 

@@ -20,6 +20,7 @@ from scipy.special import i0
 from runtime.errors import RecordingError
 from runtime.library import Array, Integers, Mask
 from runtime.recording import Recording
+from runtime.recording.recording import require_recording
 from runtime.recording.rest_speeds import shown_rest_speed
 
 SLOW = 0.1
@@ -154,7 +155,19 @@ def without_short(recording: Recording, minimum: int) -> Recording:
 
 
 def differentiate(recording: Recording, from_position: bool = False) -> Recording:
-    """Fill in dq from q and ddq from dq by central differences; from_position replaces both."""
+    """Fill in dq from q and ddq from dq by central differences, without a filter.
+
+    Args:
+        recording: a log with q; gaps of its clock split it.
+        from_position: replace measured dq and ddq, too.
+
+    Returns:
+        The recording with dq [rad/s, m/s] and ddq [rad/s², m/s²].
+
+    Raises:
+        RecordingError: no part of three rows.
+    """
+    require_recording(recording)
     result = recording
     if from_position or recording.dq is None:
         result = without_short(result, 3)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from runtime.errors import RecordingError
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.filters import low_pass, moving_average, savitzky_golay
@@ -101,6 +102,8 @@ def test_measured_derivatives_are_kept_unless_asked():
     assert differentiate(data).ddq is data.ddq
     anew = differentiate(data.replace(dq=np.zeros((4000, 2))), from_position=True)
     np.testing.assert_allclose(anew.dq, data.dq, atol=1e-3)
+    with pytest.raises(RecordingError, match=r"expected a log.*got 3"):
+        differentiate(3)
 
 
 def test_coulomb_column_is_filtered_after_tanh():

@@ -3,6 +3,7 @@
 import ast
 import functools
 import http.server
+import inspect
 import os
 import pkgutil
 import re
@@ -174,6 +175,23 @@ def test_public_names_are_those_of_the_code() -> None:
     declared = re.findall(r"^(?:void|int|const char \*) ?\*?fr3_(\w+)\(", header, re.MULTILINE)
     functions = {name for name in declared if not name.endswith("_batch")}
     assert names_of(section_of(page, "C")) == functions
+
+
+def test_public_records_state_their_attributes() -> None:
+    """Property: docstrings of exported records, which the API page shows, have every field."""
+    import runtime
+
+    count = 0
+    for kind in (getattr(runtime, name) for name in runtime.__all__):
+        if not (hasattr(kind, "__dataclass_fields__") or hasattr(kind, "__struct_fields__")):
+            continue
+        _, _, listed = inspect.cleandoc(kind.__doc__ or "").partition("Attributes:\n")
+        items = re.findall(r"^ {4}(\w+(?:, \w+)*): \S", listed, re.MULTILINE)
+        stated = {name for item in items for name in item.split(", ")}
+        missing = {name for name in vars(kind)["__annotations__"] if name[0] != "_"} - stated
+        assert not missing, f"{kind.__name__}: {missing}"
+        count += 1
+    assert count > 12
 
 
 def test_numbers_of_public_formats_are_those_of_the_code() -> None:

@@ -267,18 +267,33 @@ _FILTER = ("filter", "cutoff_hz", "window_s", "order")  # preparation's band of 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evaluation:
-    """Torque errors of an identified model on a log."""
+    """Torque errors of an identified model on a log.
+
+    Attributes:
+        robot: name of the robot.
+        method: method that identified the model.
+        joints: names of the joints, (n,).
+        units: units of their torques, (n,).
+        torque_error_percent: of the URDF and of the model, per joint and overall, in % of the RMS
+            torque.
+        torque_rms: the same [N·m, N].
+        mass_matrix: whether M(q) with the rotors is positive definite over the limits.
+        fitted_share: share of the rows that the model was fitted to.
+        position_errors: errors of the positions that the control law predicts; None for a log of
+            measured torques.
+        notes: sentences on what limits the comparison.
+    """
 
     robot: str
-    method: str  # that identified the model
+    method: str
     joints: tuple[str, ...]
-    units: tuple[str, ...]  # of the torques of the joints
-    torque_error_percent: ErrorPercent  # URDF, model; per joint, overall: % of RMS torque
-    torque_rms: ErrorRms  # the same [N·m, N]
-    mass_matrix: MassAudit  # whether M(q) with the rotors is positive definite over the limits
-    fitted_share: float  # share of the rows that the model was fitted to
-    position_errors: PositionErrors | None  # predicted by a control law; None: a torque log
-    notes: tuple[str, ...]  # what to know about the comparison, sentences
+    units: tuple[str, ...]
+    torque_error_percent: ErrorPercent
+    torque_rms: ErrorRms
+    mass_matrix: MassAudit
+    fitted_share: float
+    position_errors: PositionErrors | None
+    notes: tuple[str, ...]
 
     @property
     def is_test(self) -> bool:

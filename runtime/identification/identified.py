@@ -47,50 +47,77 @@ class TrainedModel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Identification(Framed):
-    """Identified parameters with their certificates."""
+    """Identified parameters with their certificates.
 
-    method: str  # one of `METHODS`
-    lib: Library  # library of the robot
-    pi: Array  # standard parameters π, (10 n,) [kg, kg·m ×3, kg·m² ×6 per link]
-    lam: Array | None  # λ of π, (10 n,); None where π is not physically consistent
-    beta: Array  # base parameters β = K π, (n_b,)
-    phi: Array  # friction coefficients of `friction_columns`, (n, k)
-    friction: Friction  # friction model
-    weights: Array  # diagonal of W in the loss, (n,), or (1,) of energy
-    status: str  # how the method ended, as a sentence
-    loss: float  # L on the training samples
-    # smallest loss of any physically consistent model on the same samples; NaN when not computed
+    Attributes:
+        method: one of `METHODS`.
+        lib: library of the robot.
+        pi: standard parameters π, (10 n,) [kg, kg·m ×3, kg·m² ×6 per link].
+        lam: λ of π, (10 n,); None where π is not physically consistent.
+        beta: base parameters β = K π, (n_b,).
+        phi: friction coefficients of `friction_columns`, (n, k).
+        friction: friction model.
+        weights: diagonal of W in the loss, (n,), or (1,) of energy.
+        status: how the method ended, as a sentence.
+        loss: L on the training samples.
+        optimum: smallest loss of any physically consistent model on the same samples; NaN when
+            not computed.
+        zero_loss: L of τ̂ = 0 on the same samples.
+        uncertainty: posterior of the parameters; None when not computed.
+        seconds: time of the method alone, s.
+        iterations: iterations of the method; None for closed forms.
+        trace: losses over the iterations; None for closed forms.
+        train: prepared training recording.
+        validation: prepared validation recording.
+        test: prepared test recording.
+        one_run: True when the three are parts of one recording.
+        seed: seed of mini-batches and nets.
+        notes: sentences on steps that were taken on the way.
+        learned: friction beyond φ, where the method learned one.
+        log_names: names of several logs, whose offsets are the last columns of φ.
+        streamed: figures over all rows, where train, validation and test are windows of a log.
+        urdf_phi: friction coefficients fitted with the inertial parameters of the URDF, (n, k);
+            None without friction.
+        trained: fit to the training part alone, whose errors, loss and gap are reported, where π
+            and φ are those of all rows; None where they are those of the training part.
+        drive: delay, encoder biases and standard deviations of φ; None where not estimated.
+        symmetric: comparison of mirrored joints; empty where it was not requested.
+        is_joined: the training part includes the validation part, which nothing is tuned by.
+        agreement: comparison of several logs; None for one.
+        row_marks: of the rows that were fitted, by which they are recognised in other logs.
+    """
+
+    method: str
+    lib: Library
+    pi: Array
+    lam: Array | None
+    beta: Array
+    phi: Array
+    friction: Friction
+    weights: Array
+    status: str
+    loss: float
     optimum: float
-    zero_loss: float  # L of τ̂ = 0 on the same samples
-    uncertainty: Uncertainty | None  # posterior of the parameters; None when not computed
-    seconds: float  # time of the method alone, s
-    iterations: int | None  # iterations of the method; None for closed forms
-    trace: Trace | None  # losses over the iterations; None for closed forms
-    train: Recording  # prepared training recording
-    validation: Recording  # prepared validation recording
-    test: Recording  # prepared test recording
-    one_run: bool  # True when the three are parts of one recording
-    seed: int  # seed of mini-batches and nets
-    notes: tuple[str, ...] = field(default=())  # sentences on steps that were taken on the way
-    learned: Learned | None = None  # friction beyond φ, where the method learned one
-    # names of several logs, whose offsets are the last columns of φ
+    zero_loss: float
+    uncertainty: Uncertainty | None
+    seconds: float
+    iterations: int | None
+    trace: Trace | None
+    train: Recording
+    validation: Recording
+    test: Recording
+    one_run: bool
+    seed: int
+    notes: tuple[str, ...] = field(default=())
+    learned: Learned | None = None
     log_names: tuple[str, ...] = ()
-    # figures over all rows, where train, validation and test are windows of a log
     streamed: WholeLog | None = None
-    # friction coefficients fitted with the inertial parameters of the URDF, (n, k); None without
-    # friction
     urdf_phi: Array | None = None
-    # fit to the training part alone, whose errors, loss and gap are reported, where π and φ are
-    # those of all rows; None where they are those of the training part
     trained: TrainedModel | None = None
-    # delay, encoder biases and standard deviations of φ; None where not estimated
     drive: DriveFit | None = None
-    # the training part includes the validation part, which nothing is tuned by
     is_joined: bool = False
-    # comparison of mirrored joints; empty where it was not requested
     symmetric: tuple[MirroredPair, ...] = ()
-    agreement: SessionsPart | None = None  # comparison of several logs; None for one
-    # of the rows that were fitted, by which they are recognised in other logs
+    agreement: SessionsPart | None = None
     row_marks: Marks | None = None
 
     def __repr__(self) -> str:

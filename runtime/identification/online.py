@@ -31,16 +31,27 @@ PERFECT = 1e-12  # squared noise over squared torque below which data count as e
 
 @dataclass(frozen=True, slots=True)
 class OnlineEstimate:
-    """The model after some samples."""
+    """The model after some samples.
 
-    pi: Array  # standard parameters, (10 n,), strictly consistent
-    phi: Array  # friction coefficients, (n, k)
-    samples: float  # N, less the forgotten ones
-    rejected: int  # number of samples left out because they were not finite
-    variance: float  # s² of the weighted residual; 1 where the weights are 1/σ²
-    steps: int  # number of Newton steps
-    converged: bool  # whether Newton reached its tolerance
-    status: str  # one sentence
+    Attributes:
+        pi: standard parameters, (10 n,), strictly consistent.
+        phi: friction coefficients, (n, k).
+        samples: N, less the forgotten ones.
+        rejected: number of samples left out because they were not finite.
+        variance: s² of the weighted residual; 1 where the weights are 1/σ².
+        steps: number of Newton steps.
+        converged: whether Newton reached its tolerance.
+        status: one sentence.
+    """
+
+    pi: Array
+    phi: Array
+    samples: float
+    rejected: int
+    variance: float
+    steps: int
+    converged: bool
+    status: str
 
 
 class OnlineEstimator:

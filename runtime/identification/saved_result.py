@@ -132,18 +132,29 @@ _REST = re.compile(r"^: |; (correct it|add it|write it flat)$")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SavedResult(Framed):
-    """Record of a result, with the arrays and settings that commands compute with."""
+    """Record of a result, with the arrays and settings that commands compute with.
 
-    record: ResultRecord  # content of result.json
-    pi: Array  # standard parameters, (10 n,)
-    friction: Friction  # friction model with k columns
-    phi: Array  # friction coefficients, (n, k)
-    preparation: Preparation  # settings of the preparation of its log
-    learned: Learned | None = None  # friction beyond φ, where the method learned one
-    # of the motor currents of its log; None where the log held torques
+    Attributes:
+        record: content of result.json.
+        pi: standard parameters, (10 n,).
+        friction: friction model with k columns.
+        phi: friction coefficients, (n, k).
+        preparation: settings of the preparation of its log.
+        learned: friction beyond φ, where the method learned one.
+        gains: of the motor currents of its log; None where the log held torques.
+        row_marks: of the rows that were fitted; None where the folder holds none.
+        recipe: by which the log was read; None without one.
+    """
+
+    record: ResultRecord
+    pi: Array
+    friction: Friction
+    phi: Array
+    preparation: Preparation
+    learned: Learned | None = None
     gains: CurrentGains | None = None
-    row_marks: Marks | None = None  # of the rows that were fitted; None where the folder holds none
-    recipe: Recipe | None = None  # by which the log was read; None without one
+    row_marks: Marks | None = None
+    recipe: Recipe | None = None
 
     def fitted_share(self, log: Recording) -> float:
         """Share of the rows of a log of `log_of` that the model was fitted to; 0 if unknown."""

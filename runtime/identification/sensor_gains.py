@@ -276,20 +276,35 @@ _CLEAR = 3.0  # standard deviations from which on a difference is significant
 
 @dataclass(frozen=True, slots=True)
 class Gains:
-    """Gain and bias of each channel."""
+    """Gain and bias of each channel.
 
-    channels: tuple[str, ...]  # names of the joints, or of the motors where the gear couples them
-    gain: Array  # ĝ where it is determined, else 1, (n,) reading per true torque
-    estimate: Array  # ĝ of every channel, (n,)
-    covariance: Array  # of ĝ for N_eff samples, (n, n)
-    is_determined: Claims  # whether σ is at most `LARGEST_SIGMA` of ĝ, (n,)
-    bias: Array  # of the empty and the loaded run, (2, n) N·m or N of true torque
-    bias_sigma: Array  # standard deviations of the bias, (2, n) N·m or N
-    noise: Array  # σ_j of the channels, (n,) N·m or N
-    n_samples: int  # N of both runs
-    n_effective: float  # N_eff of both runs
-    status: str  # one sentence
-    notes: tuple[str, ...]  # sentences of advice
+    Attributes:
+        channels: names of the joints, or of the motors where the gear couples them.
+        gain: ĝ where it is determined, else 1, (n,) reading per true torque.
+        estimate: ĝ of every channel, (n,).
+        covariance: of ĝ for N_eff samples, (n, n).
+        is_determined: whether σ is at most `LARGEST_SIGMA` of ĝ, (n,).
+        bias: of the empty and the loaded run, (2, n) N·m or N of true torque.
+        bias_sigma: standard deviations of the bias, (2, n) N·m or N.
+        noise: σ_j of the channels, (n,) N·m or N.
+        n_samples: N of both runs.
+        n_effective: N_eff of both runs.
+        status: one sentence.
+        notes: sentences of advice.
+    """
+
+    channels: tuple[str, ...]
+    gain: Array
+    estimate: Array
+    covariance: Array
+    is_determined: Claims
+    bias: Array
+    bias_sigma: Array
+    noise: Array
+    n_samples: int
+    n_effective: float
+    status: str
+    notes: tuple[str, ...]
 
     @property
     def sigma(self) -> Array:

@@ -44,13 +44,21 @@ _PASSIVE = 1e-9  # torque of a dependent joint over the largest, below which no 
 
 @dataclass(frozen=True, slots=True)
 class Inspection(Framed):
-    """Result of an inspection."""
+    """Result of an inspection.
 
-    robot: str  # name of the robot
-    findings: tuple[Finding, ...]  # errors first, then warnings, then information
-    plan: Recipe  # the proposed recipe
-    recording: Recording  # the log read with this plan, before any preparation
-    rest: tuple[tuple[float, float], ...]  # (from, to) of the intervals of rest [s]
+    Attributes:
+        robot: name of the robot.
+        findings: errors first, then warnings, then information.
+        plan: the proposed recipe.
+        recording: the log read with this plan, before any preparation.
+        rest: (from, to) of the intervals of rest [s].
+    """
+
+    robot: str
+    findings: tuple[Finding, ...]
+    plan: Recipe
+    recording: Recording
+    rest: tuple[tuple[float, float], ...]
 
     def tables(self) -> tuple[Table, ...]:
         """The findings, errors first."""

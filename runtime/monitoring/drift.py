@@ -144,18 +144,29 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """Whether a robot has changed, by one log."""
+    """Whether a robot has changed, by one log.
 
-    log: str  # name of it
-    changed: bool  # corrected p-value below `ALPHA`
-    best: Change  # the hypothesis that explains the log best
-    p_value: float  # of it, corrected for the number of hypotheses
-    n_eff: float  # effective number of samples
-    error: float  # torque error of the model on the log, overall in %
-    tests: tuple[Change, ...]  # all hypotheses, each alone, the best first
-    # the others, by what the best one leaves where it is the change
+    Attributes:
+        log: name of the log.
+        changed: whether the corrected p-value is below `ALPHA`.
+        best: the hypothesis that explains the log best.
+        p_value: its p-value, corrected for the number of hypotheses.
+        n_eff: effective number of samples.
+        error: torque error of the model on the log, overall in %.
+        tests: all hypotheses, each alone, the best first.
+        beside: the others, by what the best one leaves where it is the change.
+        references: number of logs from which the usual change between days was learnt; without them
+            it is assumed.
+    """
+
+    log: str
+    changed: bool
+    best: Change
+    p_value: float
+    n_eff: float
+    error: float
+    tests: tuple[Change, ...]
     beside: tuple[Change, ...] = ()
-    # number of logs from which the usual change between days was learnt; without them it is assumed
     references: int = 0
 
     def hidden(self) -> str:

@@ -69,24 +69,39 @@ class Contacts:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FreeBaseRecording:
-    """Motion of joints and base at N instants, with torques and contacts."""
+    """Motion of joints and base at N instants, with torques and contacts.
 
-    name: str  # of the file
-    t: Array  # (N,) s
-    q: Array  # (N, n) rad or m, in the order of the file
-    joint_names: tuple[str, ...]  # n names, empty where the file has none
-    rotation: Array  # (N, 3, 3) R of the base in the world
-    position: Array  # (N, 3) origin of the base in the world [m]
-    contacts: Contacts  # of the robot with the world
-    dq: Array | None = None  # dq, ddq, tau: (N, n), None where they were not measured
+    Attributes:
+        name: name of the file.
+        t: instants, (N,) [s].
+        q: joint positions in the order of the file, (N, n) [rad, m].
+        joint_names: n names, empty where the file has none.
+        rotation: R of the base in the world, (N, 3, 3).
+        position: origin of the base in the world, (N, 3) [m].
+        contacts: contacts of the robot with the world.
+        dq, ddq, tau: joint velocities, accelerations and torques, (N, n); None where they were not
+            measured.
+        twist, acceleration: of the base, (N, 6); None where they were not measured.
+        unread: names of arrays of the file that are not part of the layout.
+        is_commanded: whether tau is what a control law commanded.
+        source: file name → sha256 of its bytes.
+    """
+
+    name: str
+    t: Array
+    q: Array
+    joint_names: tuple[str, ...]
+    rotation: Array
+    position: Array
+    contacts: Contacts
+    dq: Array | None = None
     ddq: Array | None = None
     tau: Array | None = None
-    # twist, acceleration: (N, 6) of the base, None where they were not measured
     twist: Array | None = None
     acceleration: Array | None = None
-    unread: tuple[str, ...] = ()  # names of arrays of the file that are not part of the layout
-    is_commanded: bool = False  # whether tau is what a control law commanded
-    source: Mapping[str, str] = field(default_factory=dict)  # file name → sha256 of its bytes
+    unread: tuple[str, ...] = ()
+    is_commanded: bool = False
+    source: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def joints(self) -> Recording:

@@ -50,36 +50,51 @@ ALL = (*ARRAYS, "signals")  # names of all fields with one entry per instant
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording(Framed):
-    """Motion and torque of n joints at N instants; the arrays are read-only."""
+    """Motion and torque of n joints at N instants; the arrays are read-only.
 
-    t: Array  # (N,) s, strictly increasing
-    q: Array  # (N, n) rad or m
-    dq: Array | None = None  # (N, n) rad/s or m/s, None where it was not measured
-    ddq: Array | None = None  # (N, n) rad/s² or m/s²
-    tau: Array | None = None  # (N, n) N·m or N, the torque that the motor applies
-    # name → (N, n) further signals, such as temperatures, for columns that need them
+    Attributes:
+        t: (N,) s, strictly increasing.
+        q: (N, n) rad or m.
+        dq: (N, n) rad/s or m/s, None where it was not measured.
+        ddq: (N, n) rad/s² or m/s².
+        tau: (N, n) N·m or N, the torque that the motor applies.
+        signals: name → (N, n) further signals, such as temperatures, for columns that need them.
+        start: first instant of the log, also where only later rows are held [s].
+        columns: (N, n, k) friction columns that travel (and are filtered) with the data.
+        column_names: k names of them.
+        rows: (N, m, n_b), rows β = τ̂, where they were made without ddq (`preprocessing.momentum`);
+            m = n, or 1 where they give the power of all joints together and τ holds dq τ.
+        motors: (n, n) directions of coupled motors, where columns are theirs (`friction.motors`).
+        name: what a report calls the recording.
+        joint_names: n names, or none.
+        history: one sentence per step, from the file on.
+        source: file name → sha256 of the bytes that were read.
+        recipe: the recipe it was read with; its defaults for preparation, split and friction.
+        prepared: how it was prepared, None as read.
+        torque_source: "measured", "commanded" by a control law, or "current" of the motors.
+        law: control law of a commanded torque.
+        gains: estimated gains of motor currents; None where the recipe states them.
+    """
+
+    t: Array
+    q: Array
+    dq: Array | None = None
+    ddq: Array | None = None
+    tau: Array | None = None
     signals: Mapping[str, Array] = field(default_factory=dict)
-    start: float | None = None  # first instant of the log, also where only later rows are held [s]
-    # (N, n, k) friction columns that travel (and are filtered) with the data
+    start: float | None = None
     columns: Array | None = None
-    column_names: tuple[str, ...] = ()  # k names of them
-    # (N, m, n_b), rows β = τ̂, where they were made without ddq (`preprocessing.momentum`); m = n,
-    # or 1 where they give the power of all joints together and τ holds dq τ
+    column_names: tuple[str, ...] = ()
     rows: Array | None = None
-    # (n, n) directions of coupled motors, where columns are theirs (`friction.motors`)
     motors: Array | None = None
-    name: str = ""  # what a report calls the recording
-    joint_names: tuple[str, ...] = ()  # n names, or none
-    history: tuple[str, ...] = ()  # one sentence per step, from the file on
-    # file name → sha256 of the bytes that were read
+    name: str = ""
+    joint_names: tuple[str, ...] = ()
+    history: tuple[str, ...] = ()
     source: Mapping[str, str] = field(default_factory=dict)
-    # the recipe it was read with; its defaults for preparation, split and friction
     recipe: Recipe | None = None
-    prepared: Preparation | None = None  # how it was prepared, None as read
-    # "measured", "commanded" by a control law, or "current" of the motors
+    prepared: Preparation | None = None
     torque_source: str = MEASURED
-    law: ControlLaw | None = None  # control law of a commanded torque
-    # estimated gains of motor currents; None where the recipe states them
+    law: ControlLaw | None = None
     gains: CurrentGains | None = None
     _rate: list[float] = field(default_factory=list, init=False, repr=False)
 

@@ -160,28 +160,41 @@ LEAST_SETTING = 1e-9  # smallest setting, 1 / the largest [SI]: no filter, rate,
 
 @dataclass(frozen=True, slots=True)
 class Preparation:
-    """Steps of the preparation of a recording; None or "none" skips a step."""
+    """Steps of the preparation of a recording; None or "none" skips a step.
 
-    clock_tick: float | None = None  # rebuild the clock in integer ticks of this length [s]
-    # bring onto a uniform grid, interpolating gaps up to this length [s]
+    Attributes:
+        clock_tick: rebuild the clock in integer ticks of this length [s].
+        max_gap_s: bring onto a uniform grid, interpolating gaps up to this length [s].
+        grid_hz: rate of that grid; by default one over the tick, or the median rate [Hz].
+        filter: "butterworth", "average", "savitzky-golay" or "none".
+        cutoff_hz: cut-off of the Butterworth filter [Hz].
+        order: its order, or the degree of the Savitzky–Golay polynomial.
+        window_s: window of the average or of Savitzky–Golay [s].
+        derivative: "measured" fills in only what is missing, "position" derives dq from q.
+        regressor: "acceleration" evaluates τ = Y β at every instant, "momentum" low-passes
+            τ = dp/dt − r and "energy" dq·τ = d(T + U)/dt instead, which need no ddq.
+        motion_hz: cut-off of q and dq before they enter momentum or energy [Hz].
+        trim_s: cut from both ends of every segment [s].
+        rate_hz: decimate to this rate [Hz].
+        rest_speed: drop rows in which every joint is slower; one number, or one per joint
+            [rad/s, m/s].
+        torque_delay_s: the log stamps τ this much later than q, below 0 earlier; one number, or
+            one per joint [s].
+    """
+
+    clock_tick: float | None = None
     max_gap_s: float | None = None
-    # rate of that grid; by default one over the tick, or the median rate [Hz]
     grid_hz: float | None = None
-    filter: str = "none"  # "butterworth", "average", "savitzky-golay" or "none"
-    cutoff_hz: float | None = None  # cut-off of the Butterworth filter [Hz]
-    order: int = 4  # its order, or the degree of the Savitzky–Golay polynomial
-    window_s: float | None = None  # window of the average or of Savitzky–Golay [s]
-    # "measured" fills in only what is missing, "position" derives dq from q
+    filter: str = "none"
+    cutoff_hz: float | None = None
+    order: int = 4
+    window_s: float | None = None
     derivative: str = "measured"
-    # "acceleration" evaluates τ = Y β at every instant, "momentum" low-passes τ = dp/dt − r and
-    # "energy" dq·τ = d(T + U)/dt instead, which need no ddq
     regressor: str = "acceleration"
-    motion_hz: float | None = None  # cut-off of q and dq before they enter momentum or energy [Hz]
-    trim_s: float | None = None  # cut from both ends of every segment [s]
-    rate_hz: float | None = None  # decimate to this rate [Hz]
-    # drop rows in which every joint is slower; one number, or one per joint [rad/s, m/s]
+    motion_hz: float | None = None
+    trim_s: float | None = None
+    rate_hz: float | None = None
     rest_speed: float | tuple[float, ...] | None = None
-    # the log stamps τ this much later than q, below 0 earlier; one number, or one per joint [s]
     torque_delay_s: float | tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
@@ -248,15 +261,20 @@ EVERYTHING = Split((0.0, 1.0), (0.0, 1.0), (0.0, 1.0))  # all rows train; the te
 
 @dataclass(frozen=True, slots=True)
 class Friction:
-    """Friction columns to fit, and the widths of those that are not linear in the motion."""
+    """Friction columns to fit, and the widths of those that are not linear in the motion.
 
-    # names, see `runtime.recording.settings.COLUMNS`
+    Attributes:
+        columns: names, see `runtime.recording.settings.COLUMNS`.
+        coulomb_speed: ε, below which the smooth sign of dq gives way [rad/s].
+        stribeck_speed: v_s, above which the Stribeck peak is gone [rad/s].
+        dahl_stroke: z_c, travel after a reversal within which friction turns round [rad].
+        gear: rows of the gear matrix, for columns of motors; the recipe's [gear] fills it in.
+    """
+
     columns: tuple[str, ...] = ("viscous", "coulomb", "offset")
-    coulomb_speed: float = COULOMB_SPEED  # ε, below which the smooth sign of dq gives way [rad/s]
-    stribeck_speed: float = STRIBECK_SPEED  # v_s, above which the Stribeck peak is gone [rad/s]
-    # z_c, travel after a reversal within which friction turns round [rad]
+    coulomb_speed: float = COULOMB_SPEED
+    stribeck_speed: float = STRIBECK_SPEED
     dahl_stroke: float = DAHL_STROKE
-    # rows of the gear matrix, for columns of motors; the recipe's [gear] fills it in
     gear: tuple[tuple[float, ...], ...] = ()
 
     def __post_init__(self) -> None:

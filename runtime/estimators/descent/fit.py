@@ -41,11 +41,17 @@ CHUNK = 500  # iterations between two reports of progress and checks for Ctrl-C
 
 @dataclass(frozen=True, slots=True)
 class Preset:
-    """Settings of the λ-Adam method."""
+    """Settings of the λ-Adam method.
 
-    adam: AdamOptions  # learning rate and decay of the moments
-    rule: StoppingRule  # when to stop
-    batch: int | None  # samples drawn for every iteration; None takes all of them
+    Attributes:
+        adam: learning rate and decay of the moments.
+        rule: when to stop.
+        batch: samples drawn for every iteration; None takes all of them.
+    """
+
+    adam: AdamOptions
+    rule: StoppingRule
+    batch: int | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

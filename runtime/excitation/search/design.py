@@ -191,20 +191,35 @@ Ended = dict[int, tuple[float, Array]]  # start or variation → target, coeffic
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """The best trajectory over all starts and variations."""
+    """The best trajectory over all starts and variations.
 
-    trajectory: Trajectory  # the motion, within its limits at 1 kHz
-    condition: float  # cond of the column-normalised base regressor at `COST_SAMPLES` samples
-    conditions: tuple[float, ...]  # the same for every start that ended, in order
-    use: dict[str, float]  # largest |value| / limit at 1 kHz per kind of limit; 1 is the limit
-    assumptions: tuple[str, ...]  # limits that the robot does not state, and values used
-    criterion: str = "cond"  # quantity that was minimised, one of `CRITERIA`
-    values: tuple[float, ...] = ()  # exp of the target for every start that ended, in order
-    unit: str = "cond"  # unit of the values
-    safety: Safety | None = None  # limits kept beyond the joints'; None as in the document
-    unchecked: tuple[str, ...] = ()  # kinds of limits that were not checked
-    variations: tuple[float, ...] = ()  # cond of every variation that ended, in order
-    behind: int = 0  # starts and variations that ended far behind the best of earlier rounds
+    Attributes:
+        trajectory: the motion, within its limits at 1 kHz.
+        condition: cond of the column-normalised base regressor at `COST_SAMPLES` samples.
+        conditions: the same for every start that ended, in order.
+        use: largest |value| / limit at 1 kHz per kind of limit; 1 is the limit.
+        assumptions: limits that the robot does not state, and values used.
+        criterion: quantity that was minimised, one of `CRITERIA`.
+        values: exp of the target for every start that ended, in order.
+        unit: unit of the values.
+        safety: limits kept beyond the joints'; None as in the document.
+        unchecked: kinds of limits that were not checked.
+        variations: cond of every variation that ended, in order.
+        behind: starts and variations that ended far behind the best of earlier rounds.
+    """
+
+    trajectory: Trajectory
+    condition: float
+    conditions: tuple[float, ...]
+    use: dict[str, float]
+    assumptions: tuple[str, ...]
+    criterion: str = "cond"
+    values: tuple[float, ...] = ()
+    unit: str = "cond"
+    safety: Safety | None = None
+    unchecked: tuple[str, ...] = ()
+    variations: tuple[float, ...] = ()
+    behind: int = 0
 
 
 @one_blas_thread

@@ -96,11 +96,16 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FreeBaseIdentification(SavedResult):
-    """Result of an identification with a free base, with what its files come from."""
+    """Result of an identification with a free base, with what its files come from.
 
-    lib: Library = field(kw_only=True)  # library of the robot
-    evidence: Evidence = field(kw_only=True)  # rows that train and priors
-    # t (N,) [s] and measured, before, after (N, k) of the rows on the test part
+    Attributes:
+        lib: library of the robot.
+        evidence: rows that train and priors.
+        predictions: t (N,) [s] and measured, before, after (N, k) of the rows on the test part.
+    """
+
+    lib: Library = field(kw_only=True)
+    evidence: Evidence = field(kw_only=True)
     predictions: dict[str, Array] = field(kw_only=True)
 
     @property

@@ -227,25 +227,41 @@ def _about(sigma: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Payload(Shown):
-    """An identified payload with its uncertainty."""
+    """An identified payload with its uncertainty.
 
-    mount: Mount  # link and frame
-    pi: Array  # parameters in the link's frame, (10,) [kg, kg·m ×3, kg·m² ×6]
-    covariance: Array  # of π for N_eff samples, (10, 10)
-    # mass, centre of mass and inertia in the mount's frame, covariance for N_eff samples
+    Attributes:
+        mount: link and frame.
+        pi: parameters in the link's frame, (10,) [kg, kg·m ×3, kg·m² ×6].
+        covariance: of π for N_eff samples, (10, 10).
+        body: mass, centre of mass and inertia in the mount's frame, covariance for N_eff samples.
+        white: the same body with the covariance for white noise.
+        offsets: b, (n,) N·m or N.
+        noise: σ_j, (n,) N·m or N.
+        n_samples: N.
+        n_effective: N_eff.
+        differential: True when a run without the payload was subtracted.
+        prior_dominated: names of values that the prior determines rather than the data.
+        arm: origin of the arm's model.
+        status: one sentence.
+        notes: sentences of advice.
+        gain_error: standard deviation of the torque gains that the covariances include, by the
+            residual.
+    """
+
+    mount: Mount
+    pi: Array
+    covariance: Array
     body: Body
-    white: Body  # the same body with the covariance for white noise
-    offsets: Array  # b, (n,) N·m or N
-    noise: Array  # σ_j, (n,) N·m or N
-    n_samples: int  # N
-    n_effective: float  # N_eff
-    differential: bool  # True when a run without the payload was subtracted
-    # names of values that the prior determines rather than the data
+    white: Body
+    offsets: Array
+    noise: Array
+    n_samples: int
+    n_effective: float
+    differential: bool
     prior_dominated: tuple[str, ...]
-    arm: str  # origin of the arm's model
-    status: str  # one sentence
-    notes: tuple[str, ...]  # sentences of advice
-    # standard deviation of the torque gains that the covariances include, by the residual
+    arm: str
+    status: str
+    notes: tuple[str, ...]
     gain_error: float
 
     @property

@@ -11,7 +11,7 @@ from runtime.excitation.search.information import (
     in_time,
     projected,
 )
-from runtime.excitation.search.measures import Measure, log_cond, normalised
+from runtime.excitation.search.measures import Measure, log_cond, normalised, of_unit_length
 from runtime.library import Array, Library
 from runtime.library.compiled_programs import CompiledExcitation
 
@@ -91,7 +91,7 @@ class ConditionCost:
     def correlations(self, coefficients: Array) -> Array:
         """Matrices C = W̄ᵀW̄ of K trajectories, (K, n_b, n_b), from a (K, n, M)."""
         rows = self._regressor(coefficients)[1]
-        return _normalised(self._of_mean(rows.transpose(0, 2, 1) @ rows))[0]
+        return of_unit_length(self._of_mean(rows.transpose(0, 2, 1) @ rows))[0]
 
     def correlations_slopes(self, coefficients: Array, weight: Array) -> tuple[Array, Array]:
         """Matrices C and gradients of ⟨F, C⟩ for a constant symmetric F.
@@ -106,7 +106,7 @@ class ConditionCost:
         matrices, slopes = [], []
         for first in range(0, len(coefficients), _CHUNK):
             motion, rows, friction = self._regressor(coefficients[first : first + _CHUNK])
-            correlation, scale = _normalised(self._of_mean(rows.transpose(0, 2, 1) @ rows))
+            correlation, scale = of_unit_length(self._of_mean(rows.transpose(0, 2, 1) @ rows))
             # C depends on W also through the lengths of its columns: the diagonal of F C.
             slope = 2 * weight - 2 * np.einsum("ij,kij->ki", weight, correlation)[:, None, :] * (
                 np.eye(len(weight))
@@ -158,10 +158,3 @@ class ConditionCost:
     def _to_mean(self, slope: Array) -> Array:
         known = self._information
         return slope if known is None else known.to_mean(slope, self._duration)
-
-
-def _normalised(gram: Array) -> tuple[Array, Array]:
-    """Matrices C and 1 / column lengths, (K, n_b, n_b) and (K, n_b)."""
-    size = np.sqrt(np.einsum("kii->ki", gram))
-    scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
-    return gram * (scale[:, :, None] * scale[:, None, :]), scale

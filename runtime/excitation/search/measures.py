@@ -46,13 +46,19 @@ def schatten(power: float) -> SpectralFunction:
     return criterion
 
 
+def of_unit_length(gram: Array) -> tuple[Array, Array]:
+    """Matrices C of columns of unit length, (…, n_b, n_b), and 1 / lengths of those of G."""
+    size = np.sqrt(np.einsum("...ii->...i", gram))
+    scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+    return gram * (scale[..., :, None] * scale[..., None, :]), scale
+
+
 def normalised(criterion: SpectralFunction) -> Measure:
     """f of the eigenvalues of C as a function of G; without full rank λ counts as n_b ε λ_max."""
 
     def measure(gram: Array) -> tuple[float, Array]:
-        size = np.sqrt(np.diag(gram))
-        scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
-        values, vectors = np.linalg.eigh(gram * np.outer(scale, scale))
+        unit, scale = of_unit_length(gram)
+        values, vectors = np.linalg.eigh(unit)
         values = np.maximum(values, len(gram) * np.finfo(float).eps * values[-1])
         value, weights = criterion(values)
         z = vectors * scale[:, None]
@@ -135,9 +141,7 @@ def mean_gram(rows: Array) -> Array:
 
 def rank(gram: Array) -> int:
     """Number of independent columns, to rounding."""
-    size = np.sqrt(np.diag(gram))
-    scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
-    values = np.linalg.eigvalsh(gram * np.outer(scale, scale))
+    values = np.linalg.eigvalsh(of_unit_length(gram)[0])
     return int((values > len(gram) * np.finfo(float).eps * values[-1]).sum())
 
 

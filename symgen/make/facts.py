@@ -120,11 +120,7 @@ def _mechanism_facts(chain: Chain) -> dict[str, Any]:
             for closure in chain.loops.closures
         ]
     elif chain.coupling is not None:
-        facts["coupling"] = {
-            "independent": list(chain.coupling.independent),
-            "matrix": [list(row) for row in chain.coupling.matrix],
-            "offset": list(chain.coupling.offset),
-        }
+        facts["coupling"] = to_builtins(chain.coupling)
     friction = friction_coordinates(chain)
     if friction:
         facts["friction_coordinates"] = {name: list(row) for name, row in friction.items()}

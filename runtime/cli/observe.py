@@ -9,7 +9,7 @@ import numpy as np
 
 from runtime.cli.common import Overwrite, ResultFolder
 from runtime.cli.log_options import Log, OfResult, Recipe, Run, open_result
-from runtime.common.files import json_text, replacing, write_json
+from runtime.common.files import folder_of, json_text, replacing, write_json
 from runtime.common.settings import data_field, method_field, model_field, output_field
 from runtime.common.tables import Table, significant
 from runtime.common.terminal import command_line, say, say_notes, show
@@ -105,7 +105,7 @@ def observe_command(given: ObserveSettings) -> None:
     external_torque.plotjuggler.xml.
     """
     rate = alarm_rate(given.false_alarms)
-    folder = given.out or (given.model if given.model.is_dir() else given.model.parent) / "observe"
+    folder = given.out or folder_of(given.model) / "observe"
     _WRITTEN.require(folder, given, given.overwrite)
     saved, lib, notes = open_result(given, given.model)
     known = model_of(saved, lib)

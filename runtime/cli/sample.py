@@ -7,6 +7,7 @@ import numpy as np
 
 from runtime.cli.common import Overwrite, ResultFolder, Seed, listed
 from runtime.cli.log_options import ResultChoices, open_result
+from runtime.common.files import folder_of
 from runtime.common.settings import output_field
 from runtime.common.tables import significant
 from runtime.common.terminal import completing, console, say, say_notes
@@ -68,9 +69,7 @@ def sample_command(given: SampleSettings) -> None:
     chosen = listed(given.to, (*names, *sampled_models.RANDOMISERS), "--to")
     kinds = tuple(kind for kind in chosen if kind in names)
     randomisers = tuple(kind for kind in chosen if kind in sampled_models.RANDOMISERS)
-    folder = (
-        given.out or (given.result if given.result.is_dir() else given.result.parent) / "samples"
-    )
+    folder = given.out or folder_of(given.result) / "samples"
     paths = [
         *sampled_models.sample_paths(folder, given.count, kinds),
         *sampled_models.randomiser_paths(folder, randomisers),

@@ -42,6 +42,11 @@ def require_file(path: Path) -> Path:
     return path
 
 
+def folder_of(place: Path) -> Path:
+    """A folder itself, or the one that holds a file."""
+    return place if place.is_dir() else place.parent
+
+
 def bytes_of(path: Path) -> bytes:
     """Content of a document."""
     size = require_file(path).stat().st_size

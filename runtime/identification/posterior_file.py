@@ -22,7 +22,7 @@ from typing import Annotated, Any
 import numpy as np
 from msgspec import Meta
 
-from runtime.common.files import bytes_of
+from runtime.common.files import bytes_of, folder_of
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.entropic_prior import bodies_of
 from runtime.estimators.regression.factor import Elimination, Reduced, reduce
@@ -102,14 +102,9 @@ def posterior_of_result(result: Identification) -> SavedPosterior | None:
     return SavedPosterior(known.information, result.pi, root, logs, moved, known.gains, joints)
 
 
-def path_of_posterior(result: Path) -> Path:
-    """posterior.npz of a folder of a result, or beside its result.json."""
-    return (result if result.is_dir() else result.parent) / FILE
-
-
 def read_posterior(result: Path, saved: SavedResult, lib: Library) -> SavedPosterior:
     """Read the posterior of a result."""
-    path = path_of_posterior(result)
+    path = folder_of(result) / FILE
     with refusing(
         f"expected '{path}', which identify writes beside result.json, and there is none; "
         "identify again with this version and a method that states uncertainties",

@@ -17,7 +17,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from runtime.common.files import bytes_of, require_file
+from runtime.common.files import bytes_of, folder_of, require_file
 from runtime.common.records import Positive
 from runtime.common.user_builds import NAME
 from runtime.errors import IdentificationError, RecordingError
@@ -186,7 +186,7 @@ def of_further_logs(result: Identification) -> Recipe | None:
 
 def read_predictions(result: Path, **shapes: tuple[int, ...]) -> dict[str, Array]:
     """Instants t (N,) and named arrays (N, …) of finite numbers from the file of a result."""
-    path = _path(result)
+    path = folder_of(result) / PREDICTIONS
     expected = ", ".join(f"{name} {_text(shape)}" for name, shape in shapes.items())
     fault = (
         "identify again, or give the output folder of an identification; expected t (N,), "
@@ -212,18 +212,13 @@ def read_predictions(result: Path, **shapes: tuple[int, ...]) -> dict[str, Array
 def fitted_rows(result: Path) -> tuple[Marks | None, Recipe | None]:
     """Marks of the rows that were fitted, and recipe of their log, where the file holds them."""
     try:
-        with np.load(require_file(_path(result)), allow_pickle=False) as arrays:
+        with np.load(require_file(folder_of(result) / PREDICTIONS), allow_pickle=False) as arrays:
             marks, text = (arrays.get(name, np.zeros(0)) for name in ("row_marks", "recipe"))
             table = tomllib.loads(str(text)) if text.dtype.kind == "U" else None
             recipe = None if table is None else recipe_from_table(table)
     except (OSError, ValueError, LookupError, BadZipFile, RecordingError):
         return None, None
     return marks if marks.dtype == np.uint64 and marks.ndim == 1 else None, recipe
-
-
-def _path(result: Path) -> Path:
-    """Of the folder of a result, or beside its result.json."""
-    return (result if result.is_dir() else result.parent) / PREDICTIONS
 
 
 def _text(shape: tuple[int, ...]) -> str:

@@ -35,6 +35,7 @@ from pathlib import Path
 
 import numpy as np
 
+from runtime.common.files import folder_of
 from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
 from runtime.estimators.regression.model_error import gain_error
 from runtime.estimators.regression.samples import NORMAL_95, Samples
@@ -100,7 +101,7 @@ def read_arm_model(path: Path, lib: Library) -> ArmModel:
     saved, root = read_result(path), None
     notes = require_model(saved.record, lib, path)
     origin = "; ".join((f"identified, '{path}'", *notes))
-    if posterior_file.path_of_posterior(path).exists():
+    if (folder_of(path) / posterior_file.FILE).exists():
         root = _root(posterior_file.read_posterior(path, saved, lib), lib, saved.phi)
     return ArmModel(saved.pi, saved.friction, saved.phi, origin, root)
 

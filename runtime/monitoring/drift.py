@@ -149,7 +149,7 @@ class Verdict:
     Attributes:
         log: name of the log.
         changed: whether the corrected p-value is below `ALPHA`.
-        best: the hypothesis that explains the log best.
+        best: the hypothesis that explains the log best: its group, where, size, interval and unit.
         p_value: its p-value, corrected for the number of hypotheses.
         n_eff: effective number of samples.
         error: torque error of the model on the log, overall in %.

@@ -14,6 +14,7 @@ from runtime.cli.motion_limits import PlaceChoices
 from runtime.common.files import json_text
 from runtime.common.settings import method_field, model_field, output_field
 from runtime.common.terminal import completing, say
+from runtime.common.texts import numbers_of
 from runtime.errors import IdentificationError
 
 NOT_REACHED = 1  # exit code where the time ended before the target was reached
@@ -118,9 +119,8 @@ def campaign_command(given: CampaignSettings) -> None:
 
 
 def _speeds(text: str) -> tuple[float, ...]:
-    try:
-        return tuple(float(word) for word in text.split(","))
-    except ValueError:
+    if not (speeds := numbers_of(text)):
         raise IdentificationError(
             f"expected speeds in percent with commas, got '{text:.40}'; correct the setting stages"
-        ) from None
+        )
+    return speeds

@@ -27,6 +27,7 @@ from rich.progress import (
 from runtime.common.files import bytes_of, json_of, replacing, require_unused
 from runtime.common.settings import FILE, Choices, data_option, output_option
 from runtime.common.terminal import completing, console, program
+from runtime.common.texts import numbers_of
 from runtime.common.user_builds import generated_here
 from runtime.errors import IdentificationError, LibraryError, RuntimeFault
 from runtime.library import Library, load
@@ -78,10 +79,7 @@ def sentences_of(registry: Registry[Any]) -> str:
 
 def numbers_option(text: str, count: int, option: str) -> tuple[float, ...]:
     """Numbers separated by commas."""
-    try:
-        values = tuple(float(word) for word in text.split(","))
-    except ValueError:
-        values = ()
+    values = numbers_of(text)
     if len(values) != count:
         raise IdentificationError(f"{option} needs {count} numbers with commas, got '{text}'")
     return values

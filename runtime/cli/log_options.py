@@ -10,6 +10,7 @@ import typer
 from runtime.cli import common
 from runtime.common import settings
 from runtime.common.terminal import completing, say
+from runtime.common.texts import number_of
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import METHODS
 from runtime.estimators.prior_file import PriorFile, read_prior
@@ -230,11 +231,8 @@ def split_of(text: str | None) -> Split | None:
         return None
     if text == "all":
         return EVERYTHING
-    try:
-        b = float(text)
-        a = TRAINED * b
-    except ValueError:
-        a, b = common.numbers_option(text, 2, "--split")
+    b = number_of(text)
+    a, b = common.numbers_option(text, 2, "--split") if b is None else (TRAINED * b, b)
     if not 0 < a < b < 1:
         raise IdentificationError(f"--split needs 0 < A < B < 1, got '{text}'")
     return Split((0.0, a), (a, b), (b, 1.0))

@@ -9,6 +9,7 @@ import numpy as np
 from runtime.cli.common import RobotChoices, numbers_option
 from runtime.common.files import json_of
 from runtime.common.settings import method_field, model_field
+from runtime.common.texts import number_of
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.estimators.convex.entropic_prior import bodies_of, prior_of
 from runtime.estimators.prior_file import TRUST
@@ -223,11 +224,8 @@ def _placed(mount: bodies.Mount, box: Array) -> CarriedBox:
 
 def band_of_prior(lib: Library, trust: str) -> Array:
     """95 % intervals (10 L,) of the prior around the URDF: σ² = diag (κ B)⁻¹, B its curvature."""
-    try:
-        kappa = TRUST[trust] if trust in TRUST else float(trust)
-    except ValueError:
-        kappa = 0.0
-    if not 0 < kappa < np.inf:
+    kappa = TRUST.get(trust, number_of(trust))
+    if kappa is None or not 0 < kappa < np.inf:
         raise RuntimeFault(
             f"the setting model_band needs {', '.join(TRUST)} or a trust above 0, got '{trust}'"
         )

@@ -16,6 +16,7 @@ import typer
 
 from runtime.cli.common import numbers_option
 from runtime.common.settings import data_option, model_option
+from runtime.common.texts import numbers_of
 from runtime.errors import IdentificationError, RuntimeFault
 from runtime.excitation.search.information import FRICTION, NoiseSpectrum, information, spectrum_of
 from runtime.identification.expected_accuracy.planned_samples import motion_samples_of, noise_of
@@ -97,13 +98,12 @@ def planned_noise(
         raise IdentificationError(
             f"expected --settings noise_model={WHITE} or {COLOURED}, got '{model:.40}'; correct it"
         )
-    words = text.split(",")
-    if all(_is_number(word) for word in words):
+    if numbers := numbers_of(text):
         if model == COLOURED:
             raise IdentificationError(
                 f"--settings noise_model={COLOURED} takes the spectrum from a log; give --noise LOG"
             )
-        count = lib.n_joints if len(words) > 1 else 1
+        count = lib.n_joints if len(numbers) > 1 else 1
         sigma = np.array(numbers_option(text, count, "--noise"))
         return TorqueNoise(information(lib, np.broadcast_to(sigma, lib.n_joints)).noise)
     names = FRICTION if friction is None else friction
@@ -121,14 +121,6 @@ def planned_noise(
     steps = data.preparation or data.recording.preparation
     spectrum = spectrum_of(noise.rest, moved.rate, steps.cutoff_hz)
     return TorqueNoise(noise.sigma, noise.repeated / moved.rate, moved.name, spectrum)
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 def friction_columns(text: str) -> tuple[str, ...]:

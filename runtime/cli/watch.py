@@ -13,6 +13,7 @@ from runtime.common.files import bytes_of, json_text
 from runtime.common.settings import argument_field, data_field, output_field
 from runtime.common.tables import Table
 from runtime.common.terminal import say, say_notes, show
+from runtime.common.texts import number_of
 from runtime.errors import RecordingError
 from runtime.monitoring import drift, watch
 from runtime.monitoring.trends import append_history, read_history
@@ -160,9 +161,7 @@ def _temperature(log: str, recipe: str | None, given: str | None) -> float | Non
     """Temperature of a log [°C]: a number, or the mean of one of its columns."""
     if given is None:
         return None
-    try:
-        number = float(given)
-    except ValueError:
+    if (number := number_of(given)) is None:
         return mean_of_column(log, recipe, given)
     if not -273.15 <= number < 1e4:
         raise RecordingError(

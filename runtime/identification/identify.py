@@ -7,13 +7,13 @@ each alone. The encoders are the same in all logs, so that the biases of K logs,
 N(0, σ₀²), have the precision Σ 1/σ_k² − (K − 1)/σ₀².
 """
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, Unpack, overload
 
 import numpy as np
 
+from runtime.common.texts import number_of
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.choice.dry_friction import with_dry_friction
@@ -352,14 +352,11 @@ def delayed(data: PreparedLog, settings: Settings) -> Preparation | None:
         )
     if delay is None or delay in {AUTO, PER_JOINT}:
         return data.preparation
-    try:
-        seconds = float(delay)
-        if not math.isfinite(seconds) or abs(seconds) > LATEST:
-            raise ValueError
-    except ValueError:
+    seconds = number_of(str(delay))
+    if seconds is None or not abs(seconds) <= LATEST:
         raise IdentificationError(
             f"--delay needs a number of seconds within 1 s, {AUTO} or {PER_JOINT}, got '{delay}'"
-        ) from None
+        )
     return with_delay(data.recording, data.steps, np.array([seconds]))
 
 

@@ -30,6 +30,7 @@ import numpy as np
 from scipy.fft import dct, idct
 from scipy.special import ndtr
 
+from runtime.common.texts import number_of
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.regression.samples import Samples
 from runtime.identification.statistics_file import read_predictions
@@ -261,11 +262,8 @@ def alarm_rate(text: str) -> AlarmRate:
     """Rate from words such as "1 per hour" or "0.5/day"."""
     match = _RATE.fullmatch(text)
     unit = "" if match is None else _SHORT.get(match[2], match[2])
-    try:
-        number = float(match[1]) if match else 0.0
-    except ValueError:
-        number = 0.0
-    if unit not in UNITS or not 0 < number < 1e9:
+    number = None if match is None else number_of(match[1])
+    if number is None or unit not in UNITS or not 0 < number < 1e9:
         raise IdentificationError(
             f"expected a rate of false alarms such as '1 per hour' (units {', '.join(UNITS)}), got "
             f"'{text}'; correct the setting false_alarms"

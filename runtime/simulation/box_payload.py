@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from runtime.common.records import Record, Vector3, record_from_table, record_from_toml
+from runtime.common.texts import numbers_of
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
@@ -71,10 +72,7 @@ def read_payload(text: str) -> Box:
     """Read a payload of an option: MASS,CX,CY,CZ[,LX,LY,LZ] in kg and m, or a TOML file."""
     if text.endswith(".toml"):
         return record_from_toml(Box, Path(text), f"the payload '{text}'", IdentificationError)
-    try:
-        numbers = [float(word) for word in text.split(",")]
-    except ValueError:
-        numbers = []
+    numbers = numbers_of(text)
     if len(numbers) not in {4, 7}:
         raise IdentificationError(
             "--payload expects MASS,CX,CY,CZ or MASS,CX,CY,CZ,LX,LY,LZ in kg and m, or a TOML with "

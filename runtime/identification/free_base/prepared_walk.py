@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from runtime.common.texts import number_of
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import METHODS, Method, chosen_method, methods_from_statistics
 from runtime.estimators.problem import FrictionPrior
@@ -185,12 +186,9 @@ def _stated_delay(delay: float | str | None, is_commanded: bool) -> float | None
         return None if is_commanded else 0.0
     if delay == AUTO:
         return None
-    try:
-        seconds = float(delay)
-    except ValueError:
-        seconds = float("nan")
+    seconds = number_of(str(delay))
     first, last = row_noise.EARLIEST_S, row_noise.LATEST_S
-    if not first <= seconds <= last:
+    if seconds is None or not first <= seconds <= last:
         raise IdentificationError(
             f"--delay needs {AUTO} or a number of {first:g} to {last:g} s here, got '{delay}'"
         )

@@ -19,6 +19,7 @@ import numpy as np
 
 from runtime.common.files import json_of
 from runtime.common.tables import Table
+from runtime.common.texts import numbers_of
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.convex.entropic_prior import Bodies, bodies_of
 from runtime.estimators.regression.samples import NORMAL_95
@@ -60,10 +61,7 @@ def read_known_payload(text: str) -> KnownPayload:
     path = Path(text)
     if path.suffix == ".json":
         return _from_json(path)
-    try:
-        values = np.array([float(word) for word in text.split(",")])
-    except ValueError:
-        values = np.zeros(0)
+    values = np.array(numbers_of(text))
     if len(values) not in {4, 10}:
         raise RecordingError(
             "expected the payload as MASS,CX,CY,CZ, or these and IXX,IYY,IZZ,IXY,IXZ,IYZ about the "

@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from runtime.common.texts import number_of
 from runtime.errors import RecordingError
 from runtime.inspection.checks.columns import (
     RATED,
@@ -425,8 +426,4 @@ def _part(what: Meaning, file: str, title: str, **where: object) -> dict:
 
 
 def _is_number(cell: str) -> bool:
-    try:
-        float(cell.replace(",", "."))
-    except ValueError:
-        return False
-    return True
+    return number_of(cell.replace(",", ".")) is not None

@@ -154,9 +154,9 @@ class Tree:
                 yield from self.subtree(edge.child)
 
 
-def read_tree(lib: Library, text: str | None = None) -> Tree:
-    """Tree of the URDF of a library, or of another text of the same robot."""
-    root = _parse(lib, lib.urdf() if text is None else text)
+def read_tree(lib: Library) -> Tree:
+    """Tree of the URDF of a library."""
+    root = _parse(lib, lib.urdf())
     links = {link.get("name", ""): link for link in root.findall("link")}
     missing = sorted(set(lib.link_names) - set(links))
     if missing:

@@ -84,7 +84,8 @@ class Identification(Framed):
         symmetric: comparison of mirrored joints; empty where it was not requested.
         is_joined: the training part includes the validation part, which nothing is tuned by.
         agreement: comparison of several logs; None for one.
-        row_marks: of the rows that were fitted, by which they are recognised in other logs.
+        row_marks: of the rows that were fitted, by which they are recognised in other logs; None of
+            a streamed log, and of trials that neither certify nor refit.
     """
 
     method: str

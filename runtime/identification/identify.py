@@ -180,7 +180,9 @@ def identify(
     if pairs:
         result = with_sides(result, pairs)
     result = replace(result, notes=(*notes, *result.notes))
-    return _with_row_marks(result, named, chosen.split)
+    # Trials of a study, without certificates or a second fit, are not recognised in other logs.
+    is_trial = not (chosen.certify or chosen.refit)
+    return result if is_trial else _with_row_marks(result, named, chosen.split)
 
 
 def _require_logs(log: Any, lib: Library, settings: Settings) -> None:

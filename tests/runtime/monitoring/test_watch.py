@@ -40,7 +40,10 @@ def test_python_gives_the_verdict_of_the_command(
 
 def test_a_result_in_memory_is_that_of_its_folder(panda: Recording, tmp_path: Path) -> None:
     """Property: the same verdict, and p = 1 for the log of the result itself."""
-    result = runtime.identify(panda, runtime.load("fr3"))
+    lib = runtime.load("fr3")
+    trial = runtime.identify(panda, lib, friction=(), refit=False, certify=False)
+    assert trial.row_marks is None
+    result = runtime.identify(panda, lib)
     record = runtime.write_result(result, tmp_path / "new" / "arm")
     assert record.provenance.command == "runtime.identify"
     (here,), (there,) = runtime.watch(result, panda), runtime.watch(tmp_path / "new" / "arm", panda)

@@ -189,7 +189,7 @@ def recorded_delay(
     fit = fit_of(1)
     solved = fit.solved(delays)
     seen = sliding(every.dq, whole.rate_hz, least=SEEN_SHARE, rows=rows)
-    if commanded and reversal_excess(solved.rests[solved.best], seen) > TURNED:
+    if commanded and fit.reversal_excess(delays[[solved.best]], seen) > TURNED:
         used = sliding(every.dq, whole.rate_hz, CLOSE_S, rows=rows)
         fit = fit_of(1)
         solved = fit.solved(delays)
@@ -314,6 +314,11 @@ class _Fit:
             best = int(np.argmin(logs[:-1] @ counts))
             scale = 1.0 / np.sqrt(np.maximum(variance[best], floor))
         return _Solved(best, rests, variance, logs @ counts, scale, floor)
+
+    def reversal_excess(self, delay: Array, seen: Array) -> float:
+        """`reversal_excess` at a delay (1,) with free links: errors of the URDF would hide it."""
+        rows = np.dstack([self.rows, self.samples.base_rows(self.lib)])
+        return reversal_excess(replace(self, rows=rows).solved(delay).rests[0], seen)
 
     def profile(self, delays: Array, solved: _Solved) -> DelayProfile:
         """Profile of the loss over delays (M,) [s], from least squares at them."""

@@ -173,18 +173,23 @@ def test_friction_that_lags_is_no_delay_of_a_measured_torque(lib: Library) -> No
     assert drive.delay_sigma[0] < 0.003
 
 
-@pytest.mark.parametrize("fast", [1.0, 2.5])
+@pytest.mark.parametrize(
+    ("fast", "dry", "off"), [(1.0, 0.03, 0.0), (2.5, 0.03, 0.0), (2.5, 0.01, 0.1)]
+)
 def test_friction_that_creeps_is_no_delay_of_a_commanded_torque(
-    lib: Library, tmp_path: Path, fast: float
+    lib: Library, tmp_path: Path, fast: float, dry: float, off: float
 ) -> None:
     """Oracle: MuJoCo, whose friction turns round some 10 ms before the speed, and a law 7 ms late.
 
     A step of 0.5 ms holds the torque, half of which counts. All rows make it 10.4 ± 0.5 ms, the
-    profile by the links of the URDF 15 ms. The fast motion turns round within 0.2 s.
+    profile by the links of the URDF 15 ms. The fast motion turns round within 0.2 s. Links that are
+    10 % off the URDF leave as much as friction does near reversals: with all rows, above 7.3 ms.
     """
     rng, n, late, fine = np.random.default_rng(0), lib.n_joints, 14, 10
-    size = 0.03 * lib.limits()["effort"]
-    plant = engine(lib, lib.pi0 * 1.05, 0.004 * lib.limits()["effort"], step=5e-4, ranges=False)
+    size = dry * lib.limits()["effort"]
+    masses = (1.0 if off else 1.05) + off * np.random.default_rng(1).normal(size=lib.n_links)
+    pi = lib.pi0 * np.repeat(masses, 10)
+    plant = engine(lib, pi, 0.004 * lib.limits()["effort"], step=5e-4, ranges=False)
     plant.model.dof_frictionloss[:], plant.model.dof_damping[:] = size, 0.7 * size
     t = 5e-4 * np.arange(30_000)
     w = fast * 2 * np.pi * np.array([0.1, 0.3, 0.5, 0.9])[:, None]

@@ -8,11 +8,13 @@ For log i with residual r_i over its noise and the slow parts H_i of the columns
 
 e is noise and misfit of the model within the log: V = ½ c 1 + ½ Σ_k g_k g_kᵀ K/(K−1) with scores
 g_k of K blocks, and c their mean variance, what the misfit adds in the postures of one log, in
-the directions of L, and a constant torque of every joint that rests, within its dry friction. d is
-the usual change of a healthy robot between two days, u that of the day of the model, and L a root
-of the posterior of the model. Torque of further shapes, N s with a prior of s, is a nuisance:
-cables, ripple, load. u, ε and s are common to all logs: logs of reference give their posterior,
-and all scales by the marginal likelihood.
+the directions of L, and a constant torque of every joint that rests, within its dry friction. Where
+a motion returns after a period, misfit does so as well: blocks are those of one period, and c is at
+least R S̄, with S̄ the density of the mean residual of R repetitions. d is the usual change of a
+healthy robot between two days, u that of the day of the model, and L a root of the posterior of the
+model. Torque of further shapes, N s with a prior of s, is a nuisance: cables, ripple, load. u, ε
+and s are common to all logs: logs of reference give their posterior, and all scales by the marginal
+likelihood.
 Source: block-robust covariance (Cameron & Miller 2015), random effects per log (Laird & Ware 1982).
 """
 
@@ -29,6 +31,7 @@ from runtime.errors import IdentificationError
 from runtime.estimators.regression.coloured_noise import (
     ColouredNoise,
     coloured_noise_of_basis,
+    coloured_noise_of_rows,
     slow_cosines,
     slow_part,
     tells,
@@ -79,6 +82,10 @@ PLAUSIBLE = {
 }
 """Sizes of changes that a robot may have, in the units of `USUAL`. A direction of changes in which
 such a size is within the noise is not determined by a log and explains nothing."""
+AWAY, RETURNED = 0.3, 0.02
+"""Mean squared distance of a motion from itself some time later, over that of unrelated postures,
+above which it has gone elsewhere and below which it has returned."""
+STILL = 0.02  # travel of a joint over the largest one below which it hardly counts
 REST_S = 0.2  # shortest time at rest after which dry friction is another one [s]
 DRY = 0.02  # dry friction that the model does not contain, relative to the range of the joint
 DOUBT = 1.0  # standard deviation of the logarithm of a scale about its default
@@ -176,6 +183,7 @@ class ChangedRows:
     low_pass: float  # N / N_eff of white noise behind the low-pass of the log
     # size of a constant torque of one equation in some rows
     holds: tuple[tuple[float, int, slice], ...] = ()
+    period: int = 0  # number of rows after which the motion returns; 0 where it does not
     sessions: Array | None = None  # what every log has another size of about 0, σ 1, (N, m, o)
 
     def tells(self) -> bool:
@@ -218,7 +226,21 @@ def changed_rows(
         slow_cosines(samples),
         low_pass_inflation(model.preparation.cutoff_hz, t),
         tuple((float(dry[j]), j, part) for j, part in _at_rest(t, rests)),
+        period_of(samples.q),
     )
+
+
+def period_of(q: Array) -> int:
+    """Number of rows after which a motion q (N, n) returns; 0 where two thirds of it never do."""
+    x = q - q.mean(axis=0)
+    x /= np.maximum(x.std(axis=0), STILL * max(float(x.std(axis=0).max()), 1e-300))
+    whole, lags = 2 * max(float(np.mean(x**2)), 1e-300), range(1, 2 * len(x) // 3)
+    distance = np.array([np.mean((x[k:] - x[:-k]) ** 2) for k in lags]) / whole
+    gone = np.logical_or.accumulate(distance > AWAY)
+    if not (near := np.flatnonzero(gone & (distance < RETURNED))).size:
+        return 0
+    first = int(near[0])  # of the lags about it, the nearest
+    return first + 1 + int(np.argmin(distance[first : first * 11 // 10 + 1]))
 
 
 def error_percent(rest: Array, tau: Array) -> float:
@@ -262,11 +284,15 @@ def scores_of_rows(rows: ChangedRows, root: Array) -> Scores:
     basis, rest = q.reshape(count, n, -1), rows.rest - (q @ z).reshape(count, n)
     slow = slow_part(rest, rows.cosines)
     density = coloured_noise_of_basis([(basis, slow)], 1).density
+    block = ((t - t[0]) // BLOCK_S).astype(int)
+    if rows.period:
+        density = max(density, _returning(rows.period, basis, slow))
+        number = max(FEWEST, round(block[-1] * rows.period / count))
+        block = np.arange(count) % rows.period * number // rows.period
     # The variance is that of all rows, fast ones too.
     coloured = ColouredNoise(density, (float(np.sum(rest**2)) + len(z) * density) / rest.size)
-    block = ((t - t[0]) // BLOCK_S).astype(int)
-    starts = np.flatnonzero(np.diff(block, prepend=block[0] - 1))
-    g = np.add.reduceat(np.einsum("ijk,ij->ik", basis, slow), starts, axis=0)
+    g = _sums(np.einsum("ijk,ij->ik", basis, slow), block)
+    g = g[np.bincount(block) > 0]
     meat = g.T @ g * (len(g) / max(len(g) - 1, 1))
     level = max(coloured.density, float(np.trace(meat)) / max(len(z), 1), 1e-300)
     robust = ROBUST if len(g) >= FEWEST else 0.0
@@ -283,6 +309,20 @@ def scores_of_rows(rows: ChangedRows, root: Array) -> Scores:
     n_eff = count / max(coloured.inflation, 1.0)
     shape = q.T @ rows.shapes.reshape(count * n, -1)
     return Scores(z, q.T @ flat, error, shape, noise, misfit, len(g), n_eff)
+
+
+def _sums(values: Array, group: NDArray[np.int64]) -> Array:
+    """Sums of values (N, ...) by their groups."""
+    sums = np.zeros((int(group.max()) + 1, *values.shape[1:]))
+    np.add.at(sums, group, values)
+    return sums
+
+
+def _returning(period: int, basis: Array, rest: Array) -> float:
+    """R S̄ of a motion of R repetitions: variance of scores by residuals that return with it."""
+    phase = np.arange(len(rest)) % period
+    rows, mean = _sums(basis, phase), _sums(rest, phase) / np.bincount(phase)[:, None]
+    return float(np.sum(rows**2)) / rows.shape[2] * coloured_noise_of_rows(rows, mean).density
 
 
 def _at_rest(t: Array, rests: NDArray[np.bool_]) -> list[tuple[int, slice]]:

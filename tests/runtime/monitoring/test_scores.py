@@ -5,7 +5,17 @@ import pytest
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.model_error import SHAPES
-from runtime.monitoring.scores import Changes, Scores, Usual, _at_rest, expected, usual_of
+from runtime.monitoring.scores import (
+    ChangedRows,
+    Changes,
+    Scores,
+    Usual,
+    _at_rest,
+    expected,
+    period_of,
+    scores_of_rows,
+    usual_of,
+)
 
 
 def test_a_joint_at_rest_holds_a_torque_within_its_dry_friction() -> None:
@@ -27,6 +37,40 @@ def test_other_shapes_are_relative_to_the_range_of_a_joint() -> None:
     found, spread = expected(changes, usual, scores)
     np.testing.assert_allclose(found, 0.06 * shape[:, -1], rtol=1e-12)
     np.testing.assert_array_equal(spread, np.eye(2))
+
+
+def waves(rng: np.random.Generator, t: np.ndarray, hz: np.ndarray, *shape: int) -> np.ndarray:
+    """Random sums of waves of these frequencies, (N, *shape)."""
+    phase = rng.uniform(0, 2 * np.pi, (len(hz), *shape))
+    angle = 2 * np.pi * np.multiply.outer(t, hz)
+    return np.sum(np.sin(angle[(..., *[None] * len(shape))] + phase), axis=1)
+
+
+def test_period_of_a_motion() -> None:
+    """Oracle: harmonics of 0.2 Hz, read with noise, and frequencies without a common one."""
+    rng, t = np.random.default_rng(0), np.arange(1300) / 100
+    returns = waves(rng, t, 0.2 * np.arange(1, 6), 3) + 1e-3 * rng.normal(size=(1300, 3))
+    returns[:, 2] = 0.4 + 1e-6 * rng.normal(size=1300)  # a joint that rests
+    assert abs(period_of(returns) - 500) <= 1
+    assert period_of(waves(rng, t, rng.uniform(0.1, 1.0, 5), 3)) == 0
+    assert period_of(np.zeros((1300, 3))) == 0
+
+
+def test_misfit_that_returns_with_a_motion() -> None:
+    """Oracle: the scatter of scores over 60 draws of misfit, the same in each of three periods.
+
+    Rows that count as independent have a third of it.
+    """
+    rng, t = np.random.default_rng(1), np.arange(1800) / 100
+    known, ratio, hz = np.zeros((1800, 2, 1)), [], np.arange(1, 31) / 6
+    for _ in range(60):
+        columns, rest = waves(rng, t, hz, 2, 10), waves(rng, t, hz, 2)
+        rows = ChangedRows(
+            t, rest, 0.0, columns, known, np.zeros((1800, 2, 0)), 180, 1.0, period=600
+        )
+        scores = scores_of_rows(rows, np.eye(1))
+        ratio.append(float(scores.z @ scores.z) / float(np.trace(scores.noise)))
+    assert np.mean(ratio) == pytest.approx(1.0, abs=0.2)
 
 
 @pytest.mark.parametrize("far", 10.0 ** np.arange(2, 16))

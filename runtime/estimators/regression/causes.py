@@ -2,12 +2,13 @@
 
     r = H_c a_c + N s + e,     T_c = max over a_c of 2 log p(z | a_c) − 2 log p(z | 0),   z = Qᵀ r
 
-H are the columns of every cause beside β and φ, Q is orthonormal, and z has one covariance for all,
+H are the columns of every cause beside β and φ, Q is orthonormal, and z has the covariance
 
     V = V_e + Qᵀ N Λ Nᵀ Q + U
 
 of noise and scatter of blocks V_e (`model_error`), of nuisance shapes N and of usual errors U of
-gains. The columns of the causes, each relative to what the fit or the model π predicts:
+gains; beside all but a delay, of a delay too small to be named. The columns of the causes, each
+relative to what the fit or the model π predicts:
 
     gain of one joint      τ̂_j                    offset of one joint    1
     late torque            −d/dt τ̂                encoder zero           −∂τ/∂q_j (π)
@@ -171,10 +172,16 @@ def causes_of(lib: Library, fit: model_error.FreeFit, pi: Array) -> Causes:
     beside = replace(fit, basis=np.hstack([fit.basis, q]), rest=rest)
     shapes = model_error.nuisance_of(lib, beside, pi, density).scores[fit.basis.shape[1] :]
     usual = np.array([USUAL_GAIN if kinds[k][0] == GAIN else 0.0 for k in groups])
+    slight = np.array([LEAST_S if kinds[k][0] == DELAY else 0.0 for k in groups])
     taken = q.T @ columns
     spread += shapes @ shapes.T + (taken * usual) @ (taken * usual).T
-    root = np.linalg.cholesky(spread)
-    z, taken = np.linalg.solve(root, z), np.linalg.solve(root, taken)
+
+    def whitened(covariance: Array) -> tuple[Array, Array]:
+        root = np.linalg.cholesky(covariance)
+        return np.linalg.solve(root, z), np.linalg.solve(root, taken)
+
+    # A delay that is too small to be named leaves its shape, which is no other cause.
+    late, others = map(whitened, (spread, spread + (taken * slight) @ (taken * slight).T))
     ranked, whole = [], np.linalg.norm(fit.predicted.reshape(count, n) / fit.scale)
     for k, (kind, joint, across) in enumerate(kinds):
         chosen = (groups == k) & seen
@@ -182,8 +189,9 @@ def causes_of(lib: Library, fit: model_error.FreeFit, pi: Array) -> Causes:
         if not chosen.any():
             ranked.append(Cause(kind, joint, 0.0, np.inf, 0.0, 0.0, threshold))
             continue
-        of_cause = posterior_of(taken[:, chosen], z)
-        explained = float(np.sum((taken[:, chosen] @ of_cause.mean) ** 2))
+        along, by_cause = late if kind == DELAY else others
+        of_cause = posterior_of(by_cause[:, chosen], along)
+        explained = float(np.sum((by_cause[:, chosen] @ of_cause.mean) ** 2))
         made = parts[k][..., seen[groups == k]] @ of_cause.mean / fit.scale
         share = float(np.linalg.norm(made) / whole)
         size, vector = float(of_cause.mean[0]), np.zeros(3)

@@ -96,6 +96,20 @@ def test_a_gain_of_a_joint_with_little_torque(
     assert 0.5 < best.size < 1.5
 
 
+def test_a_delay_that_is_too_small_is_no_other_cause(
+    lib: Library, ideal_runs: tuple[Recording, ...]
+) -> None:
+    """Property: 0.4 ms of delay in little noise are far above chance, and no zero or gain."""
+    samples, t = samples_of(ideal_runs[0], lib), ideal_runs[0].t
+    noise = 0.001 * np.random.default_rng(4).normal(size=samples.tau.shape)
+    tau = samples.tau - 4e-4 * np.gradient(samples.tau, t, axis=0) + noise
+    seen = causes_of_rows(lib, replace(samples, tau=tau), np.full(lib.n_joints, 1e6), lib.pi0)
+    (delay,) = (each for each in seen.ranked if each.kind == "delay")
+    assert delay.statistic > 10 * delay.threshold
+    assert delay.size == pytest.approx(4e-4, rel=0.2)
+    assert not seen.named
+
+
 @pytest.mark.parametrize(("joints", "step"), [(7, 4), (28, 12)])
 def test_robots_of_many_joints_take_fewer_samples(joints: int, step: int) -> None:
     """Oracle: 6000 samples: every fourth is 1500; every twelfth of 28 joints 14,000 equations."""

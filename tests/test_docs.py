@@ -41,21 +41,9 @@ NO_INDEX = {"config": {"lang": ["en"], "separator": " ", "pipeline": [], "fields
 OF_SCRIPTS = {
     f"--{name}"
     for name in (
-        "update",
-        "starts",
-        "goals",
-        "designs",
-        "joints",
-        "serve",
-        "notebooks",
-        "planted",
-        "advice",
-    )
-} | {
-    f"--{name}"
-    for name in (
-        *("count", "designs", "first", "kind", "log", "help", "real", "map", "again"),
-        *("free", "latest", "only", "resume", "serial", "compiled", "slopes", "adam"),
+        *("update", "starts", "goals", "designs", "joints", "serve", "notebooks", "planted"),
+        *("advice", "count", "first", "kind", "log", "help", "real", "map", "again", "free"),
+        *("latest", "only", "resume", "serial", "compiled", "slopes", "adam"),
     )
 }
 """Options of the programs in scripts/ that pages name."""

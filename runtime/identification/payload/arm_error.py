@@ -125,7 +125,7 @@ def posterior_covariance(
 ) -> tuple[Array, bool]:
     """Covariance of a payload's π by the posterior of the arm, and whether it expects the residual.
 
-    errors (N, n) have the noise (n,) times the root of the density; shape is C, (10, 10). Errors
+    errors (N, n) have the noise (N, n) times the root of the density; shape is C, (10, 10). Errors
     of the arm that it does not expect are as large as the residual along each of them.
     """
 
@@ -176,12 +176,12 @@ def _products(
     columns_of: Callable[[slice], Array], width: int, payload: Array, errors: Array, noise: Array
 ) -> tuple[Array, Array, Array]:
     """Yᵀ W A, Aᵀ W A without what Y and offsets explain, and Aᵀ W e; A by its rows."""
-    rows = over_noise(payload, noise)
-    mean, cross = np.zeros((len(noise), width)), np.zeros((N_PARAMETERS, width))
+    rows, noise = over_noise(payload, noise), np.broadcast_to(noise, errors.shape)
+    mean, cross = np.zeros((errors.shape[1], width)), np.zeros((N_PARAMETERS, width))
     gram, slope = np.zeros((width, width)), np.zeros(width)
     for i in range(0, len(rows), _BLOCK):
         part = slice(i, i + _BLOCK)
-        arm = columns_of(part) / noise[:, None]
+        arm = columns_of(part) / noise[part, :, None]
         flat = arm.reshape(-1, width)
         cross += rows[part].reshape(-1, N_PARAMETERS).T @ flat
         gram += flat.T @ flat
@@ -191,12 +191,26 @@ def _products(
     flat = rows.reshape(-1, N_PARAMETERS)
     taken = np.linalg.pinv(flat.T @ flat, rcond=_RANK, hermitian=True) @ cross
     slope -= taken.T @ (flat.T @ (errors / noise).ravel())  # which the prior of the payload leaves
-    return cross, gram - mean.T @ mean / len(rows) - cross.T @ taken, slope
+    mean /= np.sqrt(np.isfinite(noise).sum(axis=0))[:, None]
+    return cross, gram - mean.T @ mean - cross.T @ taken, slope
+
+
+def means_of(values: Array, noise: Array) -> Array:
+    """Means (n, …) of values (N, n, …) over the rows of finite noise, (N, n) or (n,)."""
+    is_used = np.isfinite(np.broadcast_to(noise, values.shape[:2]))
+    weights = is_used / is_used.sum(axis=0)
+    return np.asarray(np.einsum("ij,ij...->j...", weights, values))
+
+
+def centred(values: Array, noise: Array) -> Array:
+    """Values (N, n, …) without these means, and 0 in rows of infinite noise."""
+    is_used = np.isfinite(noise).reshape(*noise.shape, *(1,) * (values.ndim - 2))
+    return np.where(is_used, values - means_of(values, noise), 0.0)
 
 
 def over_noise(columns: Array, noise: Array) -> Array:
-    """Columns (N, n, 10) over the noise (n,) of their rows; the offsets take the means."""
-    return (columns - columns.mean(axis=0)) / noise[:, None]
+    """Columns (N, n, 10) over the noise of their rows; the offsets take the means."""
+    return centred(columns, noise) / noise[..., None]
 
 
 def gain_covariance(
@@ -210,13 +224,13 @@ def gain_covariance(
 ) -> tuple[Array, float]:
     """Covariance of a payload's π by independent errors of the torque gains, and their σ.
 
-    errors (N, n) have the noise (n,) times the root of the density; shape is C, (10, 10), and
+    errors (N, n) have the noise (N, n) times the root of the density; shape is C, (10, 10), and
     `expected` the largest relative σ.
     """
     sizes, axes = np.linalg.eigh(shape)
     root = axes * np.sqrt(np.maximum(sizes, 0.0))
     rows = over_noise(columns, noise)
-    varying = (torque - torque.mean(axis=0)) / noise
+    varying = centred(torque, noise) / noise
     taken = root.T @ np.einsum("ijk,ij->kj", rows, varying)
     moved, sigma = gain_error(taken, varying, errors / noise, density, expected)
     moved = root @ moved

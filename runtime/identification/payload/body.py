@@ -235,7 +235,7 @@ class Payload(Shown):
         white: the same body with the covariance for white noise.
         offsets: b, (n,) N·m or N.
         noise: σ_j, (n,) N·m or N.
-        n_samples: N.
+        n_samples: N, in the mean over the joints: rows in which a joint rests are left out.
         n_effective: N_eff.
         differential: True when a run without the payload was subtracted.
         prior_dominated: names of values that the prior determines rather than the data.

@@ -4,8 +4,10 @@
 
 Y_k are the columns of the link that carries the payload. b is one offset per joint, eliminated by
 subtracting means. The residual of a run of the same motion without the payload is subtracted first,
-so that bias and friction cancel. Correlated residuals count as N_eff samples (`coloured_noise`), in
-the weight of the prior too.
+so that bias and friction cancel. Friction of a joint that rests does not: it holds any part of the
+payload up to the dry friction, in the same direction in every rest. Rows in which a joint rests are
+therefore left out for that joint, as rows of infinite noise, where enough others are left.
+Correlated residuals count as N_eff samples (`coloured_noise`), in the weight of the prior too.
 Source: Lee, Wensing & Park 2019 (prior); Swevers et al. 2002 (payload).
 """
 
@@ -24,13 +26,14 @@ from runtime.estimators.regression.samples import NORMAL_95, Samples, samples_of
 from runtime.identification.payload import arm_error
 from runtime.identification.payload.body import NAMES, Body, Mount, Payload, body_of, mount_of
 from runtime.identification.settings import GAIN_SIGMA
-from runtime.library import Array, Library, require_library
+from runtime.library import Array, Library, Mask, require_library
 from runtime.library.parameters import N_PARAMETERS, pi_from_parts
 from runtime.recording import Preparation, Recording
 from runtime.recording.consistency import require_plausible
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.preprocessing import prepare
 from runtime.recording.recording import require_recording
+from runtime.recording.rest_speeds import rest_speeds
 from runtime.recording.row_marks import same_rows
 
 LENGTH = 0.1  # relative difference of durations above which the runs are not the same trajectory
@@ -140,12 +143,13 @@ def identify_payload(
                 f"'{empty.name}' and '{recording.name}' hold the same rows; give one run without "
                 "and one with the payload"
             )
-    solution = _solved(mount, columns, residual, kappa)
+    is_used = _is_used(lib, samples)
+    solution = _solved(mount, columns, residual, kappa, is_used)
     # Not over the noise: weights that follow the residuals excuse the joints that fit worst.
     left = float(np.sum(solution.errors**2))
-    whole = float(np.sum((residual - residual.mean(axis=0)) ** 2))
+    whole = float(np.sum(arm_error.centred(residual, solution.fitted) ** 2))
     if empty is not None and left > EXCHANGED * whole:
-        other = _solved(mount, columns, -residual, kappa)
+        other = _solved(mount, columns, -residual, kappa, is_used)
         left, whole = (float(np.sum((s.errors / other.noise) ** 2)) for s in (other, solution))
         is_heavy = other.pi[0] > _CERTAIN * np.sqrt(other.covariance[0, 0])
         if is_heavy and left < EXCHANGED * whole:
@@ -174,7 +178,8 @@ def identify_payload(
 class _Solution:
     """Most probable π in the link's frame, with the covariances of prior, white and real noise.
 
-    `shape` is the covariance at unit noise of the rows that the noise `fitted` weights.
+    `shape` is the covariance at unit noise of the rows that the noise `fitted` (N, n) weights,
+    which is infinite where a row is left out.
     """
 
     pi: Array
@@ -184,6 +189,7 @@ class _Solution:
     offsets: Array
     white: Array
     covariance: Array
+    n_samples: int
     n_effective: float
     converged: bool
     shape: Array
@@ -212,7 +218,8 @@ def _with_model_error(
     weights = (solution.errors, solution.fitted, solution.shape, solution.density)
     if not (is_alone or model.is_exact):
         if model.root is None:
-            parts = (columns, solution.noise, solution.errors, solution.white)
+            level = np.where(np.isfinite(solution.fitted), solution.noise, np.inf)
+            parts = (columns, level, solution.errors, solution.white)
             extra = arm_error.arm_covariance(lib, model, run, *parts)
         else:
             known = model.root, samples, columns, *weights
@@ -257,11 +264,21 @@ def _rows(
     return prepared, s, residual, np.concatenate(columns)
 
 
-def _solved(mount: Mount, columns: Array, residual: Array, kappa: float) -> _Solution:
+def _is_used(lib: Library, samples: Samples) -> Mask:
+    """Whether a row counts for a joint, (N, n): it moves, or does so in too few rows."""
+    moves = np.abs(samples.dq) >= rest_speeds(lib)
+    return np.asarray(moves | (moves.sum(axis=0) < FEWEST_ROWS))
+
+
+def _solved(
+    mount: Mount, columns: Array, residual: Array, kappa: float, is_used: Mask
+) -> _Solution:
     """Maximum a posteriori in `PASSES` passes of weights."""
     count, n, _ = columns.shape
-    means, level = columns.mean(axis=0), residual.mean(axis=0)
-    rows, target = columns - means, residual - level
+    n_samples = round(float(is_used.sum()) / n)
+    left_out, counts = np.where(is_used, 0.0, np.inf), is_used.sum(axis=0)
+    means, level = (arm_error.means_of(each, left_out) for each in (columns, residual))
+    rows, target = (arm_error.centred(each, left_out) for each in (columns, residual))
     size = 0.4 * BALL_MASS * BALL_RADIUS**2
     ball = pi_from_parts(BALL_MASS, 0.0, [size, size, size, 0, 0, 0])  # in the mount's frame
     prior = prior_from(mount.bodies, np.asarray(np.linalg.solve(mount.to_frame, ball)))
@@ -274,27 +291,28 @@ def _solved(mount: Mount, columns: Array, residual: Array, kappa: float) -> _Sol
     noise, spread = np.ones(n), float(np.abs(residual).max())
     used, pi, errors = 1 + N_PARAMETERS / n, prior.centre, target
     for done in range(PASSES + 1):
-        fitted = noise  # of the rows of this pass
+        fitted = noise + left_out  # of the rows of this pass
         # Rows over their noise, reduced to a triangle: later steps do not depend on N.
         scaled = (rows / noise[:, None]).reshape(-1, rows.shape[2])
         aim = (target / noise).ravel()
-        data = reduced_of(scaled, aim, count, count * n - N_PARAMETERS - n)
+        data = reduced_of(scaled, aim, count, int(counts.sum()) - N_PARAMETERS - n)
         coloured = ColouredNoise(data.variance, data.variance)
         # The first pass takes all torque as noise: far from the minimum Newton needs the prior.
         if done == 0:
-            whole = float(aim @ aim) / aim.size
+            whole = float(aim @ aim) / int(counts.sum())
             coloured = ColouredNoise(whole, whole)
         elif done == PASSES:
-            levels = np.broadcast_to(np.eye(n), (count, n, n)) / np.sqrt(count)
+            levels = is_used[:, :, None] * np.eye(n) / np.sqrt(counts)
             # Only the last pass pays for N_eff; its basis contains the eliminated offsets.
             basis = np.concatenate([rows / noise[:, None], levels], axis=2)
             coloured = coloured_noise_of_rows(basis, target / noise)
+            coloured = _of_used_rows(coloured, scaled.reshape(rows.shape), counts / count)
         gamma = kappa * max(coloured.density, _PERFECT**2) / count
         minimum = minimise_anywhere(convex_problem(data, prior, gamma), pi)
         pi = minimum.pi
         errors = target - rows @ pi
         # Noise of each joint, with the degrees of freedom that N_eff leaves.
-        power = np.sum(errors**2, axis=0) / max(count - used * coloured.inflation, 1.0)
+        power = np.sum(errors**2, axis=0) / np.maximum(counts - used * coloured.inflation, 1.0)
         noise = np.sqrt(np.maximum(power, (_PERFECT * spread) ** 2 + 1e-300))
     # With the density as the noise; (κ B)⁻¹ by its root, as B is near singular at the boundary.
     density = max(coloured.density, _PERFECT**2)
@@ -308,12 +326,26 @@ def _solved(mount: Mount, columns: Array, residual: Array, kappa: float) -> _Sol
         offsets=level - means @ pi,
         white=coloured.variance * shape,
         covariance=coloured.density * shape,
-        n_effective=count / coloured.inflation,
+        n_samples=n_samples,
+        n_effective=n_samples / coloured.inflation,
         converged=minimum.converged,
         shape=shape,
         fitted=fitted,
         density=density,
     )
+
+
+def _of_used_rows(noise: ColouredNoise, rows: Array, shares: Array) -> ColouredNoise:
+    """Noise of the rows that are used, a share (n,) of each joint's; the others hold zeros.
+
+    The zeros lower the spectrum of a joint by its share. Joints count by what the fit takes of
+    them.
+    """
+    flat = rows.reshape(-1, rows.shape[2])
+    inverse = np.linalg.pinv(flat.T @ flat, hermitian=True)
+    taken = np.einsum("ijk,kl,ijl->j", rows, inverse, rows, optimize=True)
+    share = float(taken @ shares / taken.sum())
+    return ColouredNoise(noise.density / share, noise.variance / float(shares.mean()))
 
 
 def _moment_note(mount: Mount, solution: _Solution) -> str:
@@ -351,7 +383,6 @@ def _payload(
         for name, sigma, before in zip(NAMES, known.sigma, prior.sigma, strict=True)
         if sigma > _PRIOR_SHARE * before
     )
-    count = len(columns)
     size = float(np.linalg.norm(columns @ solution.pi))
     share = float(np.linalg.norm(solution.errors)) / max(size, 1e-300)
     return Payload(
@@ -362,7 +393,7 @@ def _payload(
         white=body(solution.white),
         offsets=solution.offsets,
         noise=solution.noise,
-        n_samples=count,
+        n_samples=solution.n_samples,
         n_effective=solution.n_effective,
         differential=differential,
         prior_dominated=weak,

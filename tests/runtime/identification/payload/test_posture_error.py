@@ -92,6 +92,40 @@ def test_what_is_not_sure_counts_and_is_not_said(double: Library, seed: int) -> 
     assert not any("repeat with the position" in note for note in result.notes)
 
 
+def with_rests(lib: Library, seed: int, held: float) -> Payload:
+    """Payload of steps between ten postures with rests, where friction holds a share of it."""
+    rng = np.random.default_rng(seed)
+    s = np.minimum(np.arange(50) / 30.0, 1.0)[:, None]  # 0.6 s of motion, 0.4 s of rest
+    places, rate = rng.uniform(-1.5, 1.5, (11, 2)), 1 / 0.6
+    steps = np.diff(places, axis=0)[:, None]
+    q = (places[:-1, None] + steps * s**3 * (10 - 15 * s + 6 * s**2)).reshape(-1, 2)
+    dq = (steps * 30 * rate * s**2 * (1 - s) ** 2).reshape(-1, 2)
+    ddq = (steps * 60 * rate**2 * s * (1 - s) * (1 - 2 * s)).reshape(-1, 2)
+    noise = rng.normal(0.0, NOISE, (2, *q.shape))
+    empty, t = lib.inverse_dynamics(q, dq, ddq, lib.pi0), np.arange(len(q)) / 50.0
+    load = lib.regressor(q, dq, ddq)[:, :, -10:] @ BALL
+    loaded = empty + load * np.where(np.abs(dq) < 0.02, 1.0 - held, 1.0)
+    runs = [
+        Recording(t, q, dq, ddq, tau + e) for tau, e in zip((loaded, empty), noise, strict=True)
+    ]
+    return identify_payload(runs[0], lib, empty=runs[1], gain_error=0.0)
+
+
+def test_what_friction_holds_of_the_payload_at_rest_is_left_out(double: Library) -> None:
+    """Monte Carlo: mass, and centre along the arm, by their σ; friction holds 30 % of the torque.
+
+    40 values know their root mean square to 11 %. With the rests the mass is 26 g too small.
+    """
+    found = [with_rests(double, seed, 0.3) for seed in range(40)]
+    errors = np.array(
+        [(each.body.values - [0.5, 0, 0, 0.1, *[0] * 6])[[0, 3]] / each.body.sigma[[0, 3]]
+         for each in found]
+    )  # fmt: skip
+    assert np.all(np.abs(np.sqrt(np.mean(errors**2, axis=0)) - 1.0) < 0.33)
+    assert all(500 * 0.5 < each.n_samples < 500 * 0.65 for each in found)
+    assert np.mean([each.body.sigma[0] for each in found]) < 0.01
+
+
 def test_changes_are_those_of_fits_without_a_part(double: Library) -> None:
     """Oracle: least squares without the rows of each fifth of the range of a joint."""
     rng = np.random.default_rng(1)

@@ -19,9 +19,17 @@ from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.library.manifest import file_units
 from runtime.monitoring import observation
-from runtime.monitoring.calibration import FreeMotion, Tail, calibrated_on, rate_interval, verified
+from runtime.monitoring.calibration import (
+    USUAL,
+    FreeMotion,
+    Tail,
+    calibrated_on,
+    is_short,
+    rate_interval,
+    verified,
+)
 from runtime.monitoring.model import MonitoredModel, model_of
-from runtime.monitoring.noise import alarm_rate, read_held_out
+from runtime.monitoring.noise import AlarmRate, alarm_rate, read_held_out
 from runtime.monitoring.observer import wrench_at
 from runtime.outputs import torque_mcap
 from runtime.outputs.observer_c import FILES, observer_c
@@ -124,7 +132,7 @@ def observe_command(given: ObserveSettings) -> None:
         plain = detector
         has_speeds = all(each.dq is not None for each in free_logs)
         detector, tails = calibrated_on(lib, plain, free_motion, has_speeds)
-        raised = _raised(lib, plain, detector)
+        raised = [*_short(tails, rate), *_raised(lib, plain, detector)]
     signals = observation.signals_of(lib, detector, data)
     seen = observation.observation_of(lib, detector, signals)
     check = None
@@ -179,6 +187,17 @@ def _raised(lib: Library, plain: observation.Detector, fitted: observation.Detec
             strict=True,
         )
         if new > RAISED * old
+    ]
+
+
+def _short(tails: tuple[Tail, ...], rate: AlarmRate) -> list[str]:
+    """Whether the free motion is too short for the stated rate."""
+    if not is_short(tails, rate.per_second):
+        return []
+    seen, usual = tails[0].seconds / 60, USUAL / rate.per_second / 60
+    return [
+        f"{seen:.2g} min of free motion are too few for {rate.text}, and the thresholds are "
+        f"extrapolated from few motions; calibrate with {usual:.2g} min or more"
     ]
 
 
@@ -248,7 +267,7 @@ def _facts(
 
 def _calibration(tails: tuple[Tail, ...], detector: observation.Detector) -> dict[str, Any]:
     """Duration, 95 % interval of the rate, and what was fitted to every joint."""
-    low, high = rate_interval(tails, detector.levels)
+    low, high = rate_interval(tails, detector.levels, detector.rate.per_second)
     return {
         "seconds": tails[0].seconds,
         "per_hour_95": [3600 * low, 3600 * high],

@@ -50,6 +50,11 @@ _LOG_SCALES = np.linspace(-1.2, 0.8, 101)
 _DRAWS = 2000
 DAY_S = 20.0
 """Time in which all friction is drawn anew [s]: half an hour of one day has 90 other days."""
+ENOUGH, USUAL = 0.4, 0.5
+"""Stated alarms in the free motion below which it is too short for its rate, and those of half an
+hour at one per hour. Minutes contain few motions: with levels of one minute an arm had 11 to 83
+alarms per hour where a tail of that minute has up to 6."""
+NONE_SEEN = 3.689  # mean of a Poisson count that is 0 with a probability of 2.5 %
 HIGH = 0.9  # quantile of s above which peaks are looked for
 
 
@@ -193,10 +198,18 @@ def levels_of(tails: Sequence[Tail], rate: float) -> Array:
     return np.where(is_thin, np.maximum(high, LEAST_LEVEL), high)
 
 
-def rate_interval(tails: Sequence[Tail], levels: Array) -> tuple[float, float]:
+def is_short(tails: Sequence[Tail], rate: float) -> bool:
+    """Whether free motion is too short for a stated rate [1/s]."""
+    return rate * tails[0].seconds < ENOUGH
+
+
+def rate_interval(
+    tails: Sequence[Tail], levels: Array, stated: float | None = None
+) -> tuple[float, float]:
     """95 % interval of the rate that levels have, from the posterior of the tails [1/s].
 
-    The number of peaks above the lowest one has a Poisson distribution.
+    The number of peaks above the lowest one has a Poisson distribution. Where free motion is too
+    short for the stated rate [1/s], the interval contains what no alarm in that time excludes.
     """
     rng = np.random.default_rng(0)
     shapes, given, scales = _weights(tails)
@@ -208,8 +221,10 @@ def rate_interval(tails: Sequence[Tail], levels: Array) -> tuple[float, float]:
         column = (sums < rng.uniform(size=(_DRAWS, 1)) * sums[:, -1:]).sum(axis=1)
         share_of = rng.gamma(tail.count, size=_DRAWS) / tail.count
         total += rate[drawn, np.minimum(column, rate.shape[1] - 1)] * share_of
-    low, high = np.quantile(total, [0.025, 0.975])
-    return float(low), float(high)
+    low, high = map(float, np.quantile(total, [0.025, 0.975]))
+    if stated is not None and is_short(tails, stated):
+        high = max(high, NONE_SEEN / tails[0].seconds)
+    return low, high
 
 
 def on_other_days(

@@ -151,3 +151,17 @@ def test_observe_with_free_motion(
     fit = facts["calibration"]
     assert fit["seconds"] == pytest.approx(3 * facts["seconds"])
     assert min(fit["peaks"]) >= 30
+
+
+def test_minutes_of_free_motion_do_not_state_a_rate_per_hour(
+    command: Command, monitored: Monitored, rest_file: Path
+) -> None:
+    """Oracle: without an event in T the 97.5 % bound of a Poisson rate is −ln 0.025 / T."""
+    words = ["observe", rest_file, "--model", monitored.folder, "--out", "short", "--json"]
+    words += 3 * ["--settings", f"calibrate={rest_file}"]
+    facts = json.loads(command(*words, "--settings", "false_alarms=1 per hour").out)
+    fit = facts["calibration"]
+    assert fit["per_hour_95"][1] * fit["seconds"] / 3600 == pytest.approx(-np.log(0.025), rel=1e-3)
+    assert any("are too few for 1 per hour" in note for note in facts["notes"])
+    ran = command(*words, "--overwrite", "--settings", "false_alarms=2 per minute")
+    assert not any("are too few" in note for note in json.loads(ran.out)["notes"])

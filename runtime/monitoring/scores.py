@@ -6,15 +6,15 @@ For log i with residual r_i over its noise and the slow parts H_i of the columns
     z_i = Q_iᵀ r_i = Q_iᵀ [H_i (u + d_i) + X_i L ε + N_i s] + e_i
     u, d_i ~ N(0, T²),   ε ~ N(0, a²),   e_i ~ N(0, V_i)
 
-e is noise and misfit of the model within the log: V = ½ c 1 + ½ Σ_k g_k g_kᵀ K/(K−1) with scores
-g_k of K blocks, and c their mean variance, what the misfit adds in the postures of one log, in
-the directions of L, and a constant torque of every joint that rests, within its dry friction. Where
-a motion returns after a period, misfit does so as well: blocks are those of one period, and c is at
-least R S̄, with S̄ the density of the mean residual of R repetitions. d is the usual change of a
-healthy robot between two days, u that of the day of the model, and L a root of the posterior of the
-model. Torque of further shapes, N s with a prior of s, is a nuisance: cables, ripple, load. u, ε
-and s are common to all logs: logs of reference give their posterior, and all scales by the marginal
-likelihood.
+e is noise and misfit of the model within the log: V = (1 − ρ) c D + ρ Σ_k g_k g_kᵀ K/(K−1) with
+scores g_k of K blocks, c their mean variance, D of trace r as the densities of the joints, and
+ρ ≤ ½; what the misfit adds in the postures of one log, in the directions of L; and a constant
+torque of every joint that rests, within its dry friction. Where a motion returns after a period,
+misfit does so as well: blocks are those of one period, and c is at least R S̄, with S̄ the density
+of the mean residual of R repetitions. d is the usual change of a healthy robot between two days, u
+that of the day of the model, and L a root of the posterior of the model. Torque of further shapes,
+N s with a prior of s, is a nuisance: cables, ripple, load. u, ε and s are common to all logs: logs
+of reference give their posterior, and all scales by the marginal likelihood.
 Source: block-robust covariance (Cameron & Miller 2015), random effects per log (Laird & Ware 1982).
 """
 
@@ -24,14 +24,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.optimize import minimize
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.coloured_noise import (
     ColouredNoise,
-    coloured_noise_of_basis,
     coloured_noise_of_rows,
+    densities_of_basis,
     slow_cosines,
     slow_part,
     tells,
@@ -55,8 +55,8 @@ from runtime.recording.rest_speeds import rest_speeds
 from runtime.recording.settings import COLUMNS
 
 ROBUST = 0.5
-"""Share of the scatter between blocks in V; the rest is their mean, which few blocks determine, and
-the whole of it with less than `FEWEST` blocks."""
+"""Largest share of the scatter between blocks in V; the rest is their mean, which few blocks
+determine, and the whole of it with less than `FEWEST` blocks."""
 USUAL = {
     "clock": 0.0007,
     "sensor gain": 0.005,
@@ -283,7 +283,9 @@ def scores_of_rows(rows: ChangedRows, root: Array) -> Scores:
     z = q.T @ rows.rest.ravel()
     basis, rest = q.reshape(count, n, -1), rows.rest - (q @ z).reshape(count, n)
     slow = slow_part(rest, rows.cosines)
-    density = coloured_noise_of_basis([(basis, slow)], 1).density
+    densities = np.maximum(densities_of_basis(basis, slow), 1e-300)
+    scatter = np.einsum("ijk,j,ijl->kl", basis, densities, basis, optimize=True)
+    density = of_rows = float(np.trace(scatter)) / len(z)
     block = ((t - t[0]) // BLOCK_S).astype(int)
     if rows.period:
         density = max(density, _returning(rows.period, basis, slow))
@@ -294,9 +296,10 @@ def scores_of_rows(rows: ChangedRows, root: Array) -> Scores:
     g = _sums(np.einsum("ijk,ij->ik", basis, slow), block)
     g = g[np.bincount(block) > 0]
     meat = g.T @ g * (len(g) / max(len(g) - 1, 1))
-    level = max(coloured.density, float(np.trace(meat)) / max(len(z), 1), 1e-300)
-    robust = ROBUST if len(g) >= FEWEST else 0.0
-    noise = (1 - robust) * level * np.eye(len(z)) + robust * meat
+    level = max(density, float(np.trace(meat)) / len(z))
+    noise = scatter * (level / of_rows)
+    robust = _robust_share(g, noise) if len(g) >= FEWEST else 0.0
+    noise += robust * (meat - noise)
     for size, j, part in rows.holds:
         held = basis[part, j].sum(axis=0)
         noise += size**2 * np.outer(held, held)
@@ -309,6 +312,24 @@ def scores_of_rows(rows: ChangedRows, root: Array) -> Scores:
     n_eff = count / max(coloured.inflation, 1.0)
     shape = q.T @ rows.shapes.reshape(count * n, -1)
     return Scores(z, q.T @ flat, error, shape, noise, misfit, len(g), n_eff)
+
+
+def _robust_share(g: Array, noise: Array) -> float:
+    """Share of the scatter of block scores g (K, r) in V, ρ = ‖Σ − μ1‖² / E‖S − μ1‖².
+
+    S is their covariance over that of the noise of rows (r, r), and Σ what it estimates. Few blocks
+    scatter in few directions, also where Σ = μ1, of which S shows nothing: with n = K − 1,
+
+        E tr S² = (1 + 1/n) tr Σ² + tr² Σ/n
+
+    Source: Ledoit & Wolf 2004, for normal scores Chen, Wiesel, Eldar & Hero 2010.
+    """
+    x = np.asarray(solve_triangular(np.linalg.cholesky(noise), g.T, lower=True))
+    gram, n = x.T @ x * (len(g) / (len(g) - 1)), len(g) - 1  # of the blocks: the norms of S
+    square, trace = float(np.sum(gram**2)), float(np.trace(gram))
+    apart = square - trace**2 / len(x)
+    known = n**2 / ((n - 1) * (n + 2)) * (square - trace**2 / n) - trace**2 / len(x)
+    return float(np.clip(known / apart, 0.0, ROBUST)) if apart > 0 else 0.0
 
 
 def _sums(values: Array, group: NDArray[np.int64]) -> Array:

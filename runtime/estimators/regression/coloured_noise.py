@@ -34,6 +34,7 @@ from runtime.library import Array, Library
 PIECE, MOST = 1024, 8
 """Rows that are transformed together, and number of such pieces, evenly spread over a long log:
 enough for S to some percent within some ten milliseconds."""
+FEW = 1.0  # frequencies that the mean of all equations counts as, beside those of one of them
 _LEAST = 0.02  # share Σ h (1 − h) / Σ h left over by the fit below which S cannot be estimated
 
 
@@ -106,6 +107,18 @@ def coloured_noise_of_basis(
     return _noise_from_sums(sums, power, width if unknowns is None else unknowns, equations)
 
 
+def densities_of_basis(q: Array, rest: Array) -> Array:
+    """S of every equation (n,), drawn to that of all as if `FEW` more frequencies showed it.
+
+    q (N, n, p) orthonormal, rest (N, n). The colours of joints differ: noise of positions enters a
+    heavy one by its accelerations, a light one has that of its sensor.
+    """
+    sums = [_spectral_sums(q[rows], rest[rows]) for rows in _pieces(len(q), 1)]
+    mean = _noise_from_sums(sums, float(np.sum(rest**2)), q.shape[2], rest.size).density
+    weighted, left, _ = np.sum(sums, axis=0)
+    return np.asarray((weighted + FEW * mean) / (left + FEW))
+
+
 def shares_of_basis(q: Array) -> tuple[Array, ...]:
     """Share of every frequency that a fit takes up; those of orthogonal columns add up.
 
@@ -122,11 +135,11 @@ def coloured_noise_of_shares(shares: Sequence[Array], rest: Array, unknowns: int
 
 
 def _noise_from_sums(
-    sums: list[tuple[float, float, float]], power: float, unknowns: int, equations: float
+    sums: Sequence[Array], power: float, unknowns: int, equations: float
 ) -> ColouredNoise:
     """S = Σ h r̂² / Σ h (1 − h) and σ² = (‖r‖² + p S) / (n N)."""
     white = power / max(equations - unknowns, 1.0)
-    weighted, left, taken = np.sum(sums, axis=0) if sums else (0.0, 0.0, 0.0)
+    weighted, left, taken = np.sum(sums, axis=(0, 2)) if sums else (0.0, 0.0, 0.0)
     # A fit that absorbs almost all at its frequencies leaves no estimate: white noise is assumed.
     if not left > _LEAST * taken:
         return ColouredNoise(white, white)
@@ -134,8 +147,8 @@ def _noise_from_sums(
     return ColouredNoise(density, (power + unknowns * density) / equations)
 
 
-def _spectral_sums(q: Array, rest: Array, some: Array | None = None) -> tuple[float, float, float]:
-    """Σ g r̂², Σ g (1 − h) and Σ g of one piece, q (N, n, p) and rest (N, n).
+def _spectral_sums(q: Array, rest: Array, some: Array | None = None) -> Array:
+    """Σ g r̂², Σ g (1 − h) and Σ g of every equation of one piece, q (N, n, p) and rest (N, n).
 
     g is h of the basis of some unknowns alone, (N, n, m); h itself without them.
     """
@@ -143,10 +156,10 @@ def _spectral_sums(q: Array, rest: Array, some: Array | None = None) -> tuple[fl
     return _sums(h, h if some is None else _taken_up(some), rest)
 
 
-def _sums(h: Array, g: Array, rest: Array) -> tuple[float, float, float]:
-    """Σ g r̂², Σ g (1 − h) and Σ g of shares (N, n) and residuals (N, n)."""
+def _sums(h: Array, g: Array, rest: Array) -> Array:
+    """Σ g r̂², Σ g (1 − h) and Σ g of shares (N, n) and residuals (N, n), (3, n)."""
     power = dct(rest, axis=0, norm="ortho") ** 2
-    return float(np.sum(g * power)), float(np.sum(g * (1 - h))), float(np.sum(g))
+    return np.array([np.sum(each, axis=0) for each in (g * power, g * (1 - h), g)])
 
 
 def _taken_up(q: Array) -> Array:

@@ -73,6 +73,31 @@ def test_misfit_that_returns_with_a_motion() -> None:
     assert np.mean(ratio) == pytest.approx(1.0, abs=0.2)
 
 
+def test_sizes_in_a_short_log_have_the_noise_of_their_joint() -> None:
+    """Oracle: scatter of changes of single joints over 100 draws of noise, 5 blocks each.
+
+    The noise is white at one joint, at the other half of it beside fast noise. Means of 600 squares
+    scatter by .1, and few blocks add .2. One density of both joints, beside half of the scatter of
+    the blocks, gives 2.6 and .93.
+    """
+    rng, t = np.random.default_rng(2), np.arange(1000) / 100
+    columns = np.zeros((1000, 2, 12))
+    for joint in range(2):
+        columns[:, joint, 6 * joint : 6 * joint + 6] = waves(rng, t, np.arange(1, 21) / 10, 6)
+    known, squares = np.zeros((1000, 2, 1)), []
+    for _ in range(100):
+        white = rng.normal(size=(1001, 3))
+        fast = 0.6 * np.diff(white[:, 2])
+        rest = np.column_stack([white[1:, 0], 0.5 * white[1:, 1] + fast])
+        rows = ChangedRows(t, rest, 0.0, columns, known, np.zeros((1000, 2, 0)), 60, 1.0)
+        scores = scores_of_rows(rows, np.eye(1))
+        weighted = np.linalg.solve(scores.noise, scores.columns)
+        power = np.einsum("ij,ij->j", scores.columns, weighted)
+        squares.append((scores.z @ weighted) ** 2 / power)
+    means = np.mean(np.reshape(squares, (-1, 2, 6)), axis=(0, 2))
+    assert means == pytest.approx([1.0, 1.0], abs=0.35)
+
+
 @pytest.mark.parametrize("far", 10.0 ** np.arange(2, 16))
 @pytest.mark.parametrize("seed", range(3))
 def test_references_far_from_the_model_are_refused(far: float, seed: int) -> None:

@@ -231,7 +231,8 @@ def test_inflation_is_a_ratio_of_variances(density: float, variance: float, infl
 
 def test_the_variance_counts_what_the_unknowns_took_up() -> None:
     """Oracle: σ² = (‖r‖² + p S) / (n N) with S = Σ h r̂² / Σ h (1 − h), by hand."""
-    found = coloured_noise._noise_from_sums([(2.0, 3.0, 1.0), (1.0, 3.0, 1.0)], 10.0, 4, 20.0)
+    sums = [np.array([[2.0], [3.0], [1.0]]), np.array([[1.0], [3.0], [1.0]])]
+    found = coloured_noise._noise_from_sums(sums, 10.0, 4, 20.0)
     assert (found.density, found.variance) == pytest.approx((0.5, 0.6))
 
 

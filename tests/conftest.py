@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
-import numpy as np
 import pytest
 from hypothesis import settings
 from markupsafe import Markup
@@ -150,19 +149,15 @@ def _no_wait_for_the_disk() -> Iterator[None]:
 
 @pytest.fixture(scope="session", autouse=True)
 def _made_once() -> Iterator[None]:
-    """What a user's process makes once and this one would make thousands of times, 1 to 20 ms each.
+    """What a user's process makes once and this one would make thousands of times, 5 to 20 ms each.
 
-    These are the parsers of commands, designs of filters, their states of rest, and the search for
-    BLAS libraries, whose limit `tests/test_architecture.py` examines in a process of its own.
+    These are the parsers of commands, designs of filters, and the search for BLAS libraries, whose
+    limit `tests/test_architecture.py` examines in a process of its own.
     """
-    from scipy.signal import _signaltools, sosfilt_zi
-
     design, blas = functools.cache(filters.butterworth_sections), ThreadpoolController()
-    rest = functools.cache(lambda data: sosfilt_zi(np.frombuffer(data).reshape(-1, 6)))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(commands, "imported", functools.cache(commands.imported))
         patch.setattr(filters, "butterworth_sections", lambda *given: design(*given).copy())
-        patch.setattr(_signaltools, "sosfilt_zi", lambda sos: rest(sos.tobytes()).copy())
         patch.setattr(threads, "threadpool_limits", blas.limit)
         yield
 

@@ -8,16 +8,19 @@ from typing import Any
 
 import typer
 
-from runtime.cli.log_options import Recipe, ResultChoices, bundled_logs, open_result
+from runtime.cli.log_options import Recipe, ResultChoices, Run, bundled_logs, open_result, runs_of
 from runtime.common.files import bytes_of, json_text
 from runtime.common.settings import argument_field, data_field, output_field
 from runtime.common.tables import Table
 from runtime.common.terminal import say, say_notes, show
 from runtime.common.texts import number_of
 from runtime.errors import RecordingError
+from runtime.identification.saved_result import SavedResult
+from runtime.library import Library
 from runtime.monitoring import drift, watch
 from runtime.monitoring.trends import append_history, read_history
-from runtime.recording.reader import locate, mean_of_column
+from runtime.recording import Recording
+from runtime.recording.reader import locate, mean_of_column, read_further
 
 SHOWN = 5
 
@@ -26,11 +29,12 @@ SHOWN = 5
 class WatchSettings(ResultChoices):
     """Settings of `symgen watch`."""
 
-    options = "robot recipe history references as_json"
+    options = "robot recipe run history references as_json"
     logs: list[str] = argument_field(
         metavar="LOG…", autocompletion=bundled_logs, help="Later logs of the robot."
     )
     recipe: Recipe = None
+    run: Run = None
     history: Path | None = data_field(
         metavar="FILE", help="Append the verdicts to a history, one JSON object per line."
     )
@@ -72,14 +76,16 @@ def watch_command(given: WatchSettings) -> None:
     saved, lib, notes = open_result(given, given.result, free_base=True)
     if given.history is not None:
         read_history(given.history)  # before any work
+    runs = runs_of(given.logs, given.run)
     circumstances = [
         {
             "recorded": _recorded(log, given.date),
-            "temperature": _temperature(log, given.recipe, given.temperature),
+            "temperature": _temperature(log, given.recipe, run, given.temperature),
         }
-        for log in given.logs
+        for log, run in runs
     ]
-    logs = watch.watched(given.result, saved, lib, given.logs, given.references or (), given.recipe)
+    later = [log if run is None else _of_run(saved, lib, given, log, run) for log, run in runs]
+    logs = watch.watched(given.result, saved, lib, later, given.references or (), given.recipe)
     verdicts = logs.verdicts()
     entries = [_facts(verdict) for verdict in verdicts]
     if given.history is not None:
@@ -109,6 +115,16 @@ def watch_command(given: WatchSettings) -> None:
         say_notes(notes)
     if any(verdict.changed for verdict in verdicts):
         raise typer.Exit(1)
+
+
+def _of_run(
+    saved: SavedResult, lib: Library, given: WatchSettings, log: str, run: str
+) -> Recording:
+    """A run of a log, named by both."""
+    if saved.record.is_free:
+        raise RecordingError("--run does not apply to a log of a free base; leave it out")
+    read = read_further(log, given.recipe, run, lib.joint_names, saved.recipe)
+    return read.replace(name=f"{Path(log).stem} run {run}")
 
 
 def _facts(verdict: drift.Verdict) -> dict[str, Any]:
@@ -157,12 +173,12 @@ def _recorded(log: str, date: str | None) -> str:
         ) from None
 
 
-def _temperature(log: str, recipe: str | None, given: str | None) -> float | None:
+def _temperature(log: str, recipe: str | None, run: str | None, given: str | None) -> float | None:
     """Temperature of a log [°C]: a number, or the mean of one of its columns."""
     if given is None:
         return None
     if (number := number_of(given)) is None:
-        return mean_of_column(log, recipe, given)
+        return mean_of_column(log, recipe, run, given)
     if not -273.15 <= number < 1e4:
         raise RecordingError(
             f"expected a temperature in °C or a column for --settings "

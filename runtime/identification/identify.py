@@ -43,7 +43,7 @@ from runtime.identification.settings import (
     progress_of,
     settings_from,
 )
-from runtime.identification.several_logs import NamedLog
+from runtime.identification.several_logs import NamedLog, distinct
 from runtime.identification.single_log import FittedSource, assembly_of, identify_recording
 from runtime.library import Library, require_library
 from runtime.recording import Friction, Preparation, Recording, Split
@@ -299,7 +299,7 @@ def _named(log: Any) -> list[NamedLog]:
         if isinstance(one, StreamedRecording):
             raise IdentificationError(SEVERAL_STREAMED)
         named.append(one if isinstance(one, NamedLog) else NamedLog(one.name, one))
-    named = _distinct(named)
+    named = distinct(named)
     if len(named) < 2:
         raise IdentificationError(
             "the setting payload_of needs several logs, got one; give also the logs without "
@@ -311,18 +311,7 @@ def _named(log: Any) -> list[NamedLog]:
 def _walks(log: Any) -> list[FreeBaseRecording]:
     """The logs of a robot with a free base, with names that differ; empty for other logs."""
     each = log if isinstance(log, Sequence) else [log]
-    return _distinct(each) if all(isinstance(x, FreeBaseRecording) for x in each) else []
-
-
-def _distinct(logs: Sequence[Any]) -> list[Any]:
-    """The logs with names that differ."""
-    named: list[Any] = []
-    for log in logs:
-        name = log.name
-        while name in {other.name for other in named}:
-            name += "'"
-        named.append(replace(log, name=name))
-    return named
+    return distinct(each) if all(isinstance(x, FreeBaseRecording) for x in each) else []
 
 
 def _of(log: NamedLog, settings: Settings) -> Settings:

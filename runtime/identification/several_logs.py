@@ -59,6 +59,17 @@ class NamedLog:
     carried: Array | None = None  # π of a known payload, added to the links', (10 n,)
 
 
+def distinct(logs: Sequence[Any]) -> list[Any]:
+    """The logs with names that differ."""
+    named: list[Any] = []
+    for log in logs:
+        name = log.name
+        while name in {other.name for other in named}:
+            name += "'"
+        named.append(replace(log, name=name))
+    return named
+
+
 def agreement_of(
     lib: Library,
     logs: Sequence[tuple[str, Recording]],

@@ -19,6 +19,7 @@ from runtime.errors import RecordingError
 from runtime.identification.posterior_file import read_posterior
 from runtime.identification.result_file import NewResult, opened, write_result
 from runtime.identification.saved_result import SavedResult
+from runtime.identification.several_logs import distinct
 from runtime.library import Library
 from runtime.monitoring import drift
 from runtime.monitoring.model import model_of
@@ -121,19 +122,19 @@ def _joint_logs(
     saved: SavedResult, lib: Library, logs: Sequence[AnyLog], recipe: str | None
 ) -> list[Recording]:
     """Logs of a fixed base with names that differ; a recipe gives all its logs one name."""
-    read = []
-    for log in logs:
-        if isinstance(log, FreeBaseRecording):
-            raise RecordingError(
-                f"expected a log of '{lib.name}', whose base is fixed, got '{log.name}' of a robot "
-                "with a free base; name the result of that robot"
-            )
-        name = log.name if isinstance(log, Recording) else Path(log).stem
-        read.append((name, str(log), saved.log_of(log, lib, recipe)))
-    names = [name for name, *_ in read]
-    return [
-        log.replace(name=name if names.count(name) == 1 else place) for name, place, log in read
+    if any(isinstance(log, FreeBaseRecording) for log in logs):
+        raise RecordingError(
+            f"expected logs of '{lib.name}', whose base is fixed, got one of a robot with a free "
+            "base; name the result of that robot"
+        )
+    names = [log.name if isinstance(log, Recording) else Path(str(log)).stem for log in logs]
+    named = [
+        saved.log_of(log, lib, recipe).replace(
+            name=name if names.count(name) == 1 or isinstance(log, Recording) else str(log)
+        )
+        for name, log in zip(names, logs, strict=True)
     ]
+    return distinct(named)
 
 
 def _walk(log: AnyLog, recipe: str | None) -> FreeBaseRecording:

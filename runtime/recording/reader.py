@@ -228,9 +228,11 @@ def _choose_recipe(place: Path, recipe: str | Path | Recipe | None) -> Recipe | 
     )
 
 
-def mean_of_column(log: str | Path, recipe: str | Path | Recipe | None, name: str) -> float:
+def mean_of_column(
+    log: str | Path, recipe: str | Path | Recipe | None, run: str | None, name: str
+) -> float:
     """Mean of the finite numbers of one column of a log, in the unit of the file."""
-    place, chosen = place_and_recipe(log, recipe, None)
+    place, chosen = place_and_recipe(log, recipe, run)
     files = LogFiles(place, chosen or Recipe())
     file = "" if chosen is None or chosen.position is None else chosen.position.file
     values = files.table("temperature", Signal("", file=file, key=name, columns=(name,))).values

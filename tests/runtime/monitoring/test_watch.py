@@ -1,6 +1,7 @@
 """Watch in Python: the verdicts of the command, by a result in memory or in its folder."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -51,6 +52,21 @@ def test_a_result_in_memory_is_that_of_its_folder(panda: Recording, tmp_path: Pa
     assert here.p_value == 1.0
     share = runtime.evaluate(result, panda).fitted_share
     assert share == runtime.read_result(tmp_path / "new" / "arm").fitted_share(panda) > 0.9
+
+
+def test_runs_of_one_data_set_are_logs(
+    robot: Callable[[str], Library], command: Command, tmp_path: Path
+) -> None:
+    """Oracle: the runs of a real arm, read in Python, where their names get a mark."""
+    lib = robot("kuka_lwr4")
+    runs = [runtime.read_recording("lwr4_flobaroid", None, run) for run in ("1", "2")]
+    runtime.write_result(runtime.identify(runs[0], lib, friction=(), refit=False), tmp_path / "arm")
+    words = ("lwr4_flobaroid", "--run", "1,2", "--robot", lib.folder, "--json")
+    logs = json.loads(command("watch", tmp_path / "arm", *words).out)["logs"]
+    verdicts = runtime.watch(tmp_path / "arm", runs, lib)
+    assert [each.log for each in verdicts] == ["lwr4_flobaroid", "lwr4_flobaroid'"]
+    assert [each["log"] for each in logs] == ["lwr4_flobaroid run 1", "lwr4_flobaroid run 2"]
+    assert [each["p_value"] for each in logs] == [each.p_value for each in verdicts]
 
 
 def test_what_is_no_log_or_no_result_is_refused(

@@ -122,17 +122,18 @@ def _joint_logs(
     saved: SavedResult, lib: Library, logs: Sequence[AnyLog], recipe: str | None
 ) -> list[Recording]:
     """Logs of a fixed base with names that differ; a recipe gives all its logs one name."""
-    if any(isinstance(log, FreeBaseRecording) for log in logs):
+    joints = [log for log in logs if not isinstance(log, FreeBaseRecording)]
+    if len(joints) < len(logs):
         raise RecordingError(
             f"expected logs of '{lib.name}', whose base is fixed, got one of a robot with a free "
             "base; name the result of that robot"
         )
-    names = [log.name if isinstance(log, Recording) else Path(str(log)).stem for log in logs]
+    names = [log.name if isinstance(log, Recording) else Path(log).stem for log in joints]
     named = [
         saved.log_of(log, lib, recipe).replace(
             name=name if names.count(name) == 1 or isinstance(log, Recording) else str(log)
         )
-        for name, log in zip(names, logs, strict=True)
+        for name, log in zip(names, joints, strict=True)
     ]
     return distinct(named)
 

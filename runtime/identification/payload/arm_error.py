@@ -185,7 +185,7 @@ def _products(
         flat = arm.reshape(-1, width)
         cross += rows[part].reshape(-1, N_PARAMETERS).T @ flat
         gram += flat.T @ flat
-        slope += (errors[part] / noise).ravel() @ flat
+        slope += (errors[part] / noise[part]).ravel() @ flat
         mean += arm.sum(axis=0)
     # The offsets take the means; the payload takes what its columns explain of the rest.
     flat = rows.reshape(-1, N_PARAMETERS)

@@ -7,6 +7,7 @@ import pytest
 
 from runtime import identify_payload
 from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
+from runtime.identification.payload import arm_error
 from runtime.identification.payload import estimate as module
 from runtime.identification.payload.arm_error import ArmModel, _products, arm_covariance
 from runtime.identification.payload.body import mount_of
@@ -80,6 +81,26 @@ def test_what_the_prior_of_the_payload_leaves_is_no_error_of_the_arm(ideal_runs,
         lambda part: lib.regressor(*(x[part] for x in motion)), 70, columns, errors, np.ones(7)
     )
     assert np.abs(slope).max() < 1e-8 * np.linalg.norm(errors) * np.sqrt(np.trace(left))
+
+
+def test_rows_of_infinite_noise_are_left_out_of_every_block(ideal_runs, lib, monkeypatch):
+    """Oracle: the products of the other rows alone, in one block."""
+    run = ideal_runs[0].take(slice(0, None, 10), "Every tenth row.")
+    motion, count = (run.q, run.dq, run.ddq), len(run)
+    errors = np.random.default_rng(6).normal(size=(count, 7))
+    noise = np.tile(np.linspace(0.5, 2.0, 7), (count, 1))
+    noise[count // 3 : count // 2] = np.inf
+    used = np.isfinite(noise[:, 0])
+
+    def products(rows):
+        regressor = lib.regressor(*(each[rows] for each in motion))
+        load = regressor[:, :, mount_of(lib).columns]
+        return _products(lambda part: regressor[part], 70, load, errors[rows], noise[rows])
+
+    alone = products(used)
+    monkeypatch.setattr(arm_error, "_BLOCK", 64)
+    for found, expected in zip(products(slice(None)), alone, strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("is_identified", [True, False])

@@ -20,16 +20,17 @@ from runtime.monitoring.observation import (
     slow_speeds,
     unknown_dry_friction,
 )
-from runtime.recording.friction.columns import OFFSET, ROTOR, VISCOUS
+from runtime.recording.friction.columns import LOAD, OFFSET, ROTOR, VISCOUS
 
 FILES = ("observer.h", "observer.c", "example_observer.c")
-FORMS = {  # friction column → C expression of the speed v, its smooth sign s, a memory's state z
+FORMS = {  # friction column → C of the speed v, its smooth sign s, a memory's state z, weight w
     "viscous": "v",
     "coulomb": "s",
     "offset": "1.0",
     "asymmetric": "v * s",
     "dahl": "z",
     "stribeck": "s * exp(-(v / STRIBECK) * (v / STRIBECK))",
+    "load": "w * s",
 }
 
 HEADER = Template("""/* $robot: external joint torque by a momentum observer, written by symgen.
@@ -77,7 +78,7 @@ SOURCE = Template("""/* $robot: external joint torque by a momentum observer, wr
 #include "observer.h"
 
 enum { N = $n, BASE = $base, STEPS = $steps, LAG = $lag, RESTS = $rests, OVER = $over,
-       FIRST = $first_known };
+       FIRST = $first_known, LOADED = $loaded };
 
 #define RATE $rate
 #define DECAY $decay
@@ -86,6 +87,7 @@ enum { N = $n, BASE = $base, STEPS = $steps, LAG = $lag, RESTS = $rests, OVER = 
 #define STROKE $dahl_stroke
 
 static const double beta[BASE] = {$beta};
+static const double urdf[BASE] = {$urdf}; /* of friction that grows with the load */
 static const double friction[N][$columns] = {$phi};
 static const double rotor[N] = {$rotor};
 /* Thresholds: z sqrt(variance), with the floor of the largest slow residual, and dry friction. */
@@ -163,17 +165,28 @@ static double session_update(${robot}_session *s, double noise_of_r, const doubl
     return usual;
 }
 
-/* Momentum p and C' dq - g - tau_f. */
-static void balance(const double q[N], const double v[N], const double z[N], double p[N],
-                    double force[N])
+/* Momentum p and C' dq - g - tau_f; the weight is |g| by the URDF. */
+static void balance(const double q[N], const double v[N], const double z[N], double weight[N],
+                    double p[N], double force[N])
 {
     double over_p[N * BASE], over_s[N * BASE];
     memset(over_p, 0, sizeof over_p);
     memset(over_s, 0, sizeof over_s);
+    memset(weight, 0, sizeof(double) * N);
+    if (LOADED) {
+        const double rest[N] = {0};
+        ${robot}_momentum_regressor(q, rest, over_p, over_s);
+        for (int j = 0; j < N; ++j) {
+            for (int k = 0; k < BASE; ++k) {
+                weight[j] += over_s[j * BASE + k] * urdf[k];
+            }
+            weight[j] = fabs(weight[j]);
+        }
+    }
     ${robot}_momentum_regressor(q, v, over_p, over_s);
     for (int j = 0; j < N; ++j) {
         p[j] = rotor[j] * v[j];
-        force[j] = -friction_torque(j, v[j], z[j]);
+        force[j] = -friction_torque(j, v[j], z[j], weight[j]);
         for (int k = 0; k < BASE; ++k) {
             p[j] += over_p[j * BASE + k] * beta[k];
             force[j] += over_s[j * BASE + k] * beta[k];
@@ -184,7 +197,7 @@ static void balance(const double q[N], const double v[N], const double z[N], dou
 unsigned ${robot}_observer_update(${robot}_observer *o, const double q[N], const double dq[N],
                                   const double tau[N], double r[N], double threshold[N])
 {
-    double mean[3 * N], p[N], force[N];
+    double mean[3 * N], weight[N], p[N], force[N];
     double *now = o->window[o->samples % (STEPS + 1)];
     memcpy(now, q, sizeof(double) * N);
     memcpy(now + N, dq, sizeof(double) * N);
@@ -216,7 +229,7 @@ unsigned ${robot}_observer_update(${robot}_observer *o, const double q[N], const
         o->travel[j] += fabs(step);
         o->place[j] = mean[j];
     }
-    balance(mean, mean + N, o->z, p, force);
+    balance(mean, mean + N, o->z, weight, p, force);
     const double *before = o->torque[(o->means + 1) % (LAG + 1)];
     unsigned contacts = 0;
     const double *past = o->momentum[(o->means + 1) % (OVER + 1)];
@@ -227,8 +240,9 @@ unsigned ${robot}_observer_update(${robot}_observer *o, const double q[N], const
         if (o->means) {
             double w = (p[j] - o->p[j]) * RATE - (u + o->u[j]) / 2;
             double viscous = viscous_torque(j, mean[N + j]);
-            double f[3] = {1.0, viscous, friction_torque(j, mean[N + j], o->z[j]) - viscous
-                                             - offset[j]};
+            double dry_part = friction_torque(j, mean[N + j], o->z[j], weight[j]) - viscous
+                              - offset[j];
+            double f[3] = {1.0, viscous, dry_part};
             o->r[j] = DECAY * o->r[j] + (1 - DECAY) * w;
             if (o->means >= FIRST) { /* r of all joints is known */
                 if (direct[j]) {
@@ -263,11 +277,12 @@ unsigned ${robot}_observer_update(${robot}_observer *o, const double q[N], const
     return contacts;
 }
 """)
-FRICTION = Template("""static double friction_torque(int j, double v, double z)
+FRICTION = Template("""static double friction_torque(int j, double v, double z, double w)
 {
     const double s = tanh(v / COULOMB);
     (void)s;
     (void)z;
+    (void)w;
     (void)j;
     (void)friction;
     return 0.0$terms;
@@ -346,6 +361,8 @@ def observer_c(lib: Library, detector: Detector, band: Array) -> dict[str, str]:
         "coulomb_speed": repr(model.terms.coulomb_speed),
         "stribeck_speed": repr(model.terms.stribeck_speed),
         "beta": _row(model.beta),
+        "urdf": _row(lib.base_matrix @ lib.pi0),
+        "loaded": int(LOAD.name in names),
         "columns": max(kept.shape[1], 1),
         "phi": ", ".join(f"{{{_row(each) or '0.0'}}}" for each in kept),
         "rotor": _row(model.phi[:, inertial].sum(axis=1)),

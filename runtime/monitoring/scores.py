@@ -7,14 +7,15 @@ For log i with residual r_i over its noise and the slow parts H_i of the columns
     u, d_i ~ N(0, T²),   ε ~ N(0, a²),   e_i ~ N(0, V_i)
 
 e is noise and misfit of the model within the log: V = (1 − ρ) c D + ρ Σ_k g_k g_kᵀ K/(K−1) with
-scores g_k of K blocks, c their mean variance, D of trace r as the densities of the joints, and
-ρ ≤ ½; what the misfit adds in the postures of one log, in the directions of L; and a constant
-torque of every joint that rests, within its dry friction. Where a motion returns after a period,
-misfit does so as well: blocks are those of one period, and c is at least R S̄, with S̄ the density
-of the mean residual of R repetitions. d is the usual change of a healthy robot between two days, u
-that of the day of the model, and L a root of the posterior of the model. Torque of further shapes,
-N s with a prior of s, is a nuisance: cables, ripple, load. u, ε and s are common to all logs: logs
-of reference give their posterior, and all scales by the marginal likelihood.
+scores g_k of K blocks, c their mean variance, D of trace r as the densities of the joints, and ρ ≤
+½; what the misfit adds in the postures of one log, in the directions of L; a constant torque of
+every joint that rests, within its dry friction; and F exp(−travel / z_c) of friction with a memory,
+whose first state is unknown. Where a motion returns after a period, misfit does so as well: blocks
+are those of one period, and c is at least R S̄, with S̄ the density of the mean residual of R
+repetitions. d is the usual change of a healthy robot between two days, u that of the day of the
+model, and L a root of the posterior of the model. Torque of further shapes, N s with a prior of s,
+is a nuisance: cables, ripple, load. u, ε and s are common to all logs: logs of reference give their
+posterior, and all scales by the marginal likelihood.
 Source: block-robust covariance (Cameron & Miller 2015), random effects per log (Laird & Ware 1982).
 """
 
@@ -213,6 +214,9 @@ def changed_rows(
     known = np.concatenate([base, samples.friction_rows()], axis=2) * over[:, None]
     dry = np.where(model.dry_friction > 0, model.dry_friction, DRY * ranges) * over
     rests = np.abs(samples.dq) < rest_speeds(lib)
+    # Reading noise of q adds up along a path, but hardly in a span.
+    span = np.maximum.accumulate(samples.q) - np.minimum.accumulate(samples.q)
+    first = model.unknown_state(span) * over
     shapes = np.zeros((count, n, n, SHAPES))
     joints = np.arange(n)
     shapes[:, joints, joints] = nuisance_columns(lib, pi, samples) * over[:, None]
@@ -227,6 +231,7 @@ def changed_rows(
         low_pass_inflation(model.preparation.cutoff_hz, t),
         tuple((float(dry[j]), j, part) for j, part in _at_rest(t, rests)),
         period_of(samples.q),
+        first[:, :, None] * np.eye(n),
     )
 
 

@@ -499,6 +499,32 @@ def test_a_rest_adds_the_square_of_its_dry_friction(
     np.testing.assert_allclose(three - one, 8 / 3 * (two - one), atol=1e-9 * np.abs(one).max())
 
 
+def test_the_first_state_of_friction_with_a_memory_is_unknown(
+    lib: Library, arm: Path, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray
+) -> None:
+    """Oracle: noise of scores of a joint that rests from the start is F² over all of its rows."""
+    saved = read_result(arm)
+    log = prepare(later_log(lib, trajectories[1], pi_true, ""), Preparation(), saved.friction)
+    samples, over = samples_of(log, lib), np.full(lib.n_joints, 20.0)
+    q = samples.q.copy()
+    q[:, 2] = 0.3
+    samples, plain = dataclasses.replace(samples, q=q), model_of(saved, lib)
+    model = dataclasses.replace(plain, terms=Friction(("viscous", "dahl", "offset")))
+    size = abs(model.phi[2, 1]) * over[2]
+    rows = changed_rows(lib, model, saved.pi, log.t, samples, over, np.ones(lib.n_joints))
+    assert rows.sessions is not None
+    np.testing.assert_allclose(rows.sessions[:, 2, 2], size, rtol=1e-12)
+    stroke = model.terms.dahl_stroke
+    span = np.ptp(q[:40, 1])
+    expected = abs(model.phi[1, 1]) * over[1] * np.exp(-span / stroke)
+    np.testing.assert_allclose(rows.sessions[39, 1, 1], expected, rtol=1e-12)
+    root = 1e-6 * np.eye(len(lib.base_matrix) + saved.phi.size)
+    without = scores_of_rows(dataclasses.replace(rows, sessions=None), root).noise
+    added = scores_of_rows(rows, root).noise - without
+    assert np.trace(added) <= np.sum(rows.sessions**2) * (1 + 1e-9)
+    assert np.linalg.eigvalsh(added)[-1] > 0.5 * size**2 * len(q)
+
+
 @pytest.mark.parametrize(("cutoff_hz", "changes"), [(3.0, False), (20.0, True)])
 def test_a_low_pass_in_the_band_of_the_motion_does_not_make_a_simulation(
     lib: Library,

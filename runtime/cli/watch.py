@@ -29,7 +29,7 @@ SHOWN = 5
 class WatchSettings(ResultChoices):
     """Settings of `symgen watch`."""
 
-    options = "robot recipe run history references as_json"
+    options = "robot recipe history references as_json"
     logs: list[str] = argument_field(
         metavar="LOG…", autocompletion=bundled_logs, help="Later logs of the robot."
     )
@@ -122,7 +122,7 @@ def _of_run(
 ) -> Recording:
     """A run of a log, named by both."""
     if saved.record.is_free:
-        raise RecordingError("--run does not apply to a log of a free base; leave it out")
+        raise RecordingError("the setting run does not apply to a log of a free base; leave it out")
     read = read_further(log, given.recipe, run, lib.joint_names, saved.recipe)
     return read.replace(name=f"{Path(log).stem} run {run}")
 

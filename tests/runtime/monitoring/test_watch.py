@@ -61,7 +61,7 @@ def test_runs_of_one_data_set_are_logs(
     lib = robot("kuka_lwr4")
     runs = [runtime.read_recording("lwr4_flobaroid", None, run) for run in ("1", "2")]
     runtime.write_result(runtime.identify(runs[0], lib, friction=(), refit=False), tmp_path / "arm")
-    words = ("lwr4_flobaroid", "--run", "1,2", "--robot", lib.folder, "--json")
+    words = ("lwr4_flobaroid", "--settings", "run=1,2", "--robot", lib.folder, "--json")
     logs = json.loads(command("watch", tmp_path / "arm", *words).out)["logs"]
     verdicts = runtime.watch(tmp_path / "arm", runs, lib)
     assert [each.log for each in verdicts] == ["lwr4_flobaroid", "lwr4_flobaroid'"]

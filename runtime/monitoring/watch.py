@@ -122,18 +122,20 @@ def _joint_logs(
     saved: SavedResult, lib: Library, logs: Sequence[AnyLog], recipe: str | None
 ) -> list[Recording]:
     """Logs of a fixed base with names that differ; a recipe gives all its logs one name."""
-    joints = [log for log in logs if not isinstance(log, FreeBaseRecording)]
-    if len(joints) < len(logs):
-        raise RecordingError(
-            f"expected logs of '{lib.name}', whose base is fixed, got one of a robot with a free "
-            "base; name the result of that robot"
-        )
-    names = [log.name if isinstance(log, Recording) else Path(log).stem for log in joints]
+    joints: list[str | PathLike[str] | Recording] = []
+    for log in logs:
+        if isinstance(log, FreeBaseRecording):
+            raise RecordingError(
+                f"expected a log of '{lib.name}', whose base is fixed, got '{log.name}' of a robot "
+                "with a free base; name the result of that robot"
+            )
+        joints.append(log)
+    names = [each.name if isinstance(each, Recording) else Path(each).stem for each in joints]
     named = [
-        saved.log_of(log, lib, recipe).replace(
-            name=name if names.count(name) == 1 or isinstance(log, Recording) else str(log)
+        saved.log_of(each, lib, recipe).replace(
+            name=name if names.count(name) == 1 or isinstance(each, Recording) else str(each)
         )
-        for name, log in zip(names, joints, strict=True)
+        for name, each in zip(names, joints, strict=True)
     ]
     return distinct(named)
 

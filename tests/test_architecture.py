@@ -12,7 +12,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -64,23 +64,6 @@ LIBRARIES = {
     "matplotlib": ("runtime.outputs.report", "runtime.experiments.report"),  # there for types
 }
 """Library → the parts of runtime that may import it; they import it where they use it."""
-
-EXPERIMENTS = "runtime.experiments"
-USED_BY_EXPERIMENTS = {
-    "runtime": ("errors", "excitation", "library", "parallel", "recording", "simulation"),
-    "runtime.cli": ("common",),
-    "runtime.common": ("commands", "files", "records", "settings", "tables", "terminal", "threads"),
-    "runtime.estimators": ("descent.fit", "methods", "optimizers", "problem"),
-    "runtime.estimators.literature": ("iv_didim",),
-    "runtime.estimators.regression": ("factor", "samples"),
-    "runtime.excitation.search": ("design_settings", "finish", "single_start"),
-    "runtime.identification": ("comparison.run", "metrics", "payload.estimate", "problem_setup"),
-    "runtime.library": ("parameters",),
-    "runtime.outputs.report": ("canvas", "page"),
-    "runtime.outputs": ("report",),
-    "runtime.recording": ("formats.npz", "formats.parquet_format", "preprocessing"),
-}
-"""Room → its modules that the experiments of the document may import; no room imports them."""
 
 Imports = dict[str, set[str]]
 """Module → the modules that it imports, other distributions by their top-level name."""
@@ -246,35 +229,6 @@ def test_the_shared_package_knows_no_room(imports: Imports) -> None:
     others = {other for imported in shared.values() for other in imported}
     tops = {other.split(".")[0] for other in others if not is_part(other, SHARED)}
     assert not tops & {*PACKAGES, "numpy", "scipy"}
-
-
-def beyond_doors(name: str, nodes: Iterable[ast.AST]) -> set[str]:
-    """Imports of a module of the experiments from other rooms that are not through their doors."""
-    froms = [
-        (n.module or "", each.name)
-        for n in nodes
-        if isinstance(n, ast.ImportFrom)
-        for each in n.names
-    ]
-    plain = [(each.name, "") for n in nodes if isinstance(n, ast.Import) for each in n.names]
-    doors = {f"{room}.{door}" for room, listed in USED_BY_EXPERIMENTS.items() for door in listed}
-    return {
-        f"{name}: {module} {taken}"
-        for module, taken in froms + plain
-        if is_part(module, "runtime")
-        and not is_part(module, EXPERIMENTS)
-        and (module not in doors or taken.startswith("_"))
-    }
-
-
-def test_experiments_enter_rooms_by_their_doors() -> None:
-    """Property: the experiments use listed modules only, and of those no private name."""
-    rooms = {name: nodes for name, nodes in nodes_of_trees().items() if is_part(name, EXPERIMENTS)}
-    assert rooms
-    assert set().union(*(beyond_doors(*room) for room in rooms.items())) == set()
-    inside = "from runtime.monitoring.drift import watch\nfrom runtime.library import _x\n"
-    inside += "import runtime.cli.watch\nfrom runtime.library import load\n"
-    assert len(beyond_doors("x", list(ast.walk(ast.parse(inside))))) == 3
 
 
 @pytest.mark.parametrize("library", LIBRARIES)

@@ -14,8 +14,10 @@ from runtime.identification.saved_result import SavedResult, read_result
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.monitoring.fleet.gather import unit_of
+from runtime.recording import Friction, Preparation
 from runtime.simulation import Plant, ideal
 from runtime.simulation.virtual_robot import perturbed
+from tests.runtime.monitoring.later_logs import FRICTION, NOISE
 from tests.runtime.monitoring.virtual_units import SPREAD, UNITS, Fleet, statistics_about
 
 
@@ -54,6 +56,23 @@ def rest_file(rest_of_log: Recording, tmp_path_factory: pytest.TempPathFactory) 
     path = tmp_path_factory.mktemp("rest") / "rest.npz"
     write_recording(rest_of_log, path)
     return path
+
+
+@pytest.fixture(scope="session")
+def arm(
+    lib: Library,
+    trajectories: tuple[Trajectory, ...],
+    pi_true: np.ndarray,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Path:
+    """A simulated arm, identified from one motion."""
+    plant = Plant(pi_true, **FRICTION, torque_noise=NOISE)
+    log = ideal(lib, trajectories[0], plant, rng=np.random.default_rng(1))
+    terms = Friction(("viscous", "coulomb", "offset"), 0.03)
+    folder = tmp_path_factory.mktemp("arm")
+    result = identify_recording(log, lib, friction=terms, preparation=Preparation())
+    write_result(result, folder, "test")
+    return folder
 
 
 @pytest.fixture(scope="session")

@@ -34,70 +34,12 @@ from runtime.monitoring.drift import (
 )
 from runtime.monitoring.model import model_of
 from runtime.monitoring.noise import read_held_out, read_test_rows
-from runtime.monitoring.scores import Scores, changed_rows, changes_of, scores_of_rows
+from runtime.monitoring.scores import Scores, changes_of
 from runtime.recording import Friction, Preparation
 from runtime.recording.preprocessing import prepare
 from runtime.simulation import Plant, ideal
-from runtime.simulation.box_payload import Box
-from runtime.simulation.virtual_robot import perturbed
 from tests.runtime.conftest import Command
-
-FRICTION = {"viscous": 0.5, "coulomb": 0.3}
-NOISE = 0.05
-
-
-@pytest.fixture(scope="module")
-def arm(
-    lib: Library,
-    trajectories: tuple[Trajectory, ...],
-    pi_true: np.ndarray,
-    tmp_path_factory: pytest.TempPathFactory,
-) -> Path:
-    """A simulated arm, identified from one motion."""
-    plant = Plant(pi_true, **FRICTION, torque_noise=NOISE)
-    log = ideal(lib, trajectories[0], plant, rng=np.random.default_rng(1))
-    terms = Friction(("viscous", "coulomb", "offset"), 0.03)
-    folder = tmp_path_factory.mktemp("arm")
-    result = identify_recording(log, lib, friction=terms, preparation=Preparation())
-    write_result(result, folder, "test")
-    return folder
-
-
-def later_log(
-    lib: Library, trajectory: Trajectory, pi: np.ndarray, change: str, seed: int = 2
-) -> Recording:
-    """Another motion of the arm after a change."""
-    friction = {
-        key: 1.2 * value if change == "friction" else value for key, value in FRICTION.items()
-    }
-    if change == "payload":
-        pi = pi + Box(0.2, (0.0, 0.0, 0.1), (0.05,) * 3, "fr3_link7").pi(lib)
-    if change in {"links", "link and sensor"}:
-        pi = pi + Box(0.3, (0.03, 0.0, 0.06), (0.08,) * 3, "fr3_link4").pi(lib)
-    if change == "model":
-        pi = perturbed(lib, pi, 0.1, np.random.default_rng(3))
-    log = ideal(
-        lib, trajectory, Plant(pi, **friction, torque_noise=NOISE), rng=np.random.default_rng(seed)
-    )
-    tau = log.tau.copy()
-    if change == "sensor gain":
-        tau[:, 2] *= 1.05
-    if change == "sensor bias":
-        tau[:, 4] += 0.1
-    if change == "sensor bias of all":
-        tau += 0.15 * np.array([1, -1, 1, -1, 1, -1, 1])
-    elapsed = (log.t - log.t[0]) / (log.t[-1] - log.t[0])
-    if change == "sensor drift":
-        tau[:, 4] += 0.2 * elapsed
-    if change == "warming":
-        viscous, dry = FRICTION["viscous"] * log.dq, FRICTION["coulomb"] * np.sign(log.dq)
-        tau -= 0.3 * (elapsed[:, None] - 0.5) * (viscous + dry)
-    if change == "link and sensor":
-        tau[:, 5] += 0.2
-    if change == "clock":
-        tau = np.stack([np.interp(log.t - 0.005, log.t, row) for row in tau.T], axis=1)
-    return log.replace(tau=tau)
-
+from tests.runtime.monitoring.later_logs import FRICTION, NOISE, later_log
 
 CASES = {
     "sensor gain": ("fr3_joint3", 5.0, 0.7),
@@ -454,75 +396,6 @@ def test_a_delay_that_no_result_estimated_is_no_change(
     verdict = verdict_beside(result, tmp_path, logs[1])
     assert verdict.changed == stated
     assert not stated or verdict.best.group == "clock"
-
-
-def test_a_drift_rises_by_its_size_over_the_log(
-    lib: Library, arm: Path, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray
-) -> None:
-    """Oracle: lengths of the columns of a bias and of a ramp from −½ to ½, of N even rows over σ.
-
-    Scores are in a basis of all columns, which keeps their lengths.
-    """
-    saved = read_result(arm)
-    log = prepare(later_log(lib, trajectories[1], pi_true, ""), Preparation(), saved.friction)
-    log, model = log.take(slice(0, 200), "short"), model_of(saved, lib)
-    root, over = 1e-6 * np.eye(len(lib.base_matrix) + saved.phi.size), np.arange(1.0, 8.0)
-    samples, ranges = samples_of(log, lib), np.ones(lib.n_joints)
-    rows = changed_rows(lib, model, saved.pi, log.t, samples, over, ranges)
-    scores = scores_of_rows(rows, root)
-    lengths = np.linalg.norm(scores.columns, axis=0)
-    names = changes_of(lib, model, np.ones((2, lib.n_joints))).names
-    for kind, column in (("bias", np.ones(200)), ("drift", np.linspace(-0.5, 0.5, 200))):
-        for j, joint in enumerate(lib.joint_names):
-            found = lengths[names.index((f"sensor {kind}", joint))]
-            assert found == pytest.approx(over[j] * np.linalg.norm(column), rel=1e-4)
-
-
-def test_a_rest_adds_the_square_of_its_dry_friction(
-    lib: Library, arm: Path, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray
-) -> None:
-    """Oracle: noise of scores of frictions F, 2 F and 3 F: (9 − 1)/(4 − 1) between the changes."""
-    saved = read_result(arm)
-    log = prepare(later_log(lib, trajectories[1], pi_true, ""), Preparation(), saved.friction)
-    samples = samples_of(log, lib)
-    still = samples.dq.copy()
-    still[100:400, 2] = 0.0
-    samples = dataclasses.replace(samples, dq=still)
-    model = dataclasses.replace(model_of(saved, lib), phi=np.zeros_like(saved.phi))  # F is unknown
-    root, over = 1e-6 * np.eye(len(lib.base_matrix) + saved.phi.size), np.full(lib.n_joints, 20.0)
-    rows = (
-        changed_rows(lib, model, saved.pi, log.t, samples, over, k * np.ones(lib.n_joints))
-        for k in (1, 2, 3)
-    )
-    one, two, three = (scores_of_rows(each, root).noise for each in rows)
-    assert np.abs(two - one).max() > 0
-    np.testing.assert_allclose(three - one, 8 / 3 * (two - one), atol=1e-9 * np.abs(one).max())
-
-
-def test_the_first_state_of_friction_with_a_memory_is_unknown(
-    lib: Library, arm: Path, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray
-) -> None:
-    """Oracle: noise of scores of a joint that rests from the start is F² over all of its rows."""
-    saved = read_result(arm)
-    log = prepare(later_log(lib, trajectories[1], pi_true, ""), Preparation(), saved.friction)
-    samples, over = samples_of(log, lib), np.full(lib.n_joints, 20.0)
-    q = samples.q.copy()
-    q[:, 2] = 0.3
-    samples, plain = dataclasses.replace(samples, q=q), model_of(saved, lib)
-    model = dataclasses.replace(plain, terms=Friction(("viscous", "dahl", "offset")))
-    size = abs(model.phi[2, 1]) * over[2]
-    rows = changed_rows(lib, model, saved.pi, log.t, samples, over, np.ones(lib.n_joints))
-    assert rows.sessions is not None
-    np.testing.assert_allclose(rows.sessions[:, 2, 2], size, rtol=1e-12)
-    stroke = model.terms.dahl_stroke
-    span = np.ptp(q[:40, 1])
-    expected = abs(model.phi[1, 1]) * over[1] * np.exp(-span / stroke)
-    np.testing.assert_allclose(rows.sessions[39, 1, 1], expected, rtol=1e-12)
-    root = 1e-6 * np.eye(len(lib.base_matrix) + saved.phi.size)
-    without = scores_of_rows(dataclasses.replace(rows, sessions=None), root).noise
-    added = scores_of_rows(rows, root).noise - without
-    assert np.trace(added) <= np.sum(rows.sessions**2) * (1 + 1e-9)
-    assert np.linalg.eigvalsh(added)[-1] > 0.5 * size**2 * len(q)
 
 
 @pytest.mark.parametrize(("cutoff_hz", "changes"), [(3.0, False), (20.0, True)])

@@ -1,21 +1,34 @@
 """Scores of a log: rests, torque of other shapes, and the usual change that references show."""
 
+import dataclasses
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.model_error import SHAPES
+from runtime.estimators.regression.samples import samples_of
+from runtime.excitation import Trajectory
+from runtime.identification.saved_result import read_result
+from runtime.library import Library
+from runtime.monitoring.model import model_of
 from runtime.monitoring.scores import (
     ChangedRows,
     Changes,
     Scores,
     Usual,
     _at_rest,
+    changed_rows,
+    changes_of,
     expected,
     period_of,
     scores_of_rows,
     usual_of,
 )
+from runtime.recording import Friction, Preparation
+from runtime.recording.preprocessing import prepare
+from tests.runtime.monitoring.later_logs import later_log
 
 
 def test_a_joint_at_rest_holds_a_torque_within_its_dry_friction() -> None:
@@ -113,3 +126,72 @@ def test_references_far_from_the_model_are_refused(far: float, seed: int) -> Non
     ]  # fmt: skip
     with pytest.raises(IdentificationError, match="so far from the model"):
         usual_of(changes, 2, [], logs)
+
+
+def test_a_drift_rises_by_its_size_over_the_log(
+    lib: Library, arm: Path, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray
+) -> None:
+    """Oracle: lengths of the columns of a bias and of a ramp from −½ to ½, of N even rows over σ.
+
+    Scores are in a basis of all columns, which keeps their lengths.
+    """
+    saved = read_result(arm)
+    log = prepare(later_log(lib, trajectories[1], pi_true, ""), Preparation(), saved.friction)
+    log, model = log.take(slice(0, 200), "short"), model_of(saved, lib)
+    root, over = 1e-6 * np.eye(len(lib.base_matrix) + saved.phi.size), np.arange(1.0, 8.0)
+    samples, ranges = samples_of(log, lib), np.ones(lib.n_joints)
+    rows = changed_rows(lib, model, saved.pi, log.t, samples, over, ranges)
+    scores = scores_of_rows(rows, root)
+    lengths = np.linalg.norm(scores.columns, axis=0)
+    names = changes_of(lib, model, np.ones((2, lib.n_joints))).names
+    for kind, column in (("bias", np.ones(200)), ("drift", np.linspace(-0.5, 0.5, 200))):
+        for j, joint in enumerate(lib.joint_names):
+            found = lengths[names.index((f"sensor {kind}", joint))]
+            assert found == pytest.approx(over[j] * np.linalg.norm(column), rel=1e-4)
+
+
+def test_a_rest_adds_the_square_of_its_dry_friction(
+    lib: Library, arm: Path, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray
+) -> None:
+    """Oracle: noise of scores of frictions F, 2 F and 3 F: (9 − 1)/(4 − 1) between the changes."""
+    saved = read_result(arm)
+    log = prepare(later_log(lib, trajectories[1], pi_true, ""), Preparation(), saved.friction)
+    samples = samples_of(log, lib)
+    still = samples.dq.copy()
+    still[100:400, 2] = 0.0
+    samples = dataclasses.replace(samples, dq=still)
+    model = dataclasses.replace(model_of(saved, lib), phi=np.zeros_like(saved.phi))  # F is unknown
+    root, over = 1e-6 * np.eye(len(lib.base_matrix) + saved.phi.size), np.full(lib.n_joints, 20.0)
+    rows = (
+        changed_rows(lib, model, saved.pi, log.t, samples, over, k * np.ones(lib.n_joints))
+        for k in (1, 2, 3)
+    )
+    one, two, three = (scores_of_rows(each, root).noise for each in rows)
+    assert np.abs(two - one).max() > 0
+    np.testing.assert_allclose(three - one, 8 / 3 * (two - one), atol=1e-9 * np.abs(one).max())
+
+
+def test_the_first_state_of_friction_with_a_memory_is_unknown(
+    lib: Library, arm: Path, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray
+) -> None:
+    """Oracle: noise of scores of a joint that rests from the start is F² over all of its rows."""
+    saved = read_result(arm)
+    log = prepare(later_log(lib, trajectories[1], pi_true, ""), Preparation(), saved.friction)
+    samples, over = samples_of(log, lib), np.full(lib.n_joints, 20.0)
+    q = samples.q.copy()
+    q[:, 2] = 0.3
+    samples, plain = dataclasses.replace(samples, q=q), model_of(saved, lib)
+    model = dataclasses.replace(plain, terms=Friction(("viscous", "dahl", "offset")))
+    size = abs(model.phi[2, 1]) * over[2]
+    rows = changed_rows(lib, model, saved.pi, log.t, samples, over, np.ones(lib.n_joints))
+    assert rows.sessions is not None
+    np.testing.assert_allclose(rows.sessions[:, 2, 2], size, rtol=1e-12)
+    stroke = model.terms.dahl_stroke
+    span = np.ptp(q[:40, 1])
+    expected = abs(model.phi[1, 1]) * over[1] * np.exp(-span / stroke)
+    np.testing.assert_allclose(rows.sessions[39, 1, 1], expected, rtol=1e-12)
+    root = 1e-6 * np.eye(len(lib.base_matrix) + saved.phi.size)
+    without = scores_of_rows(dataclasses.replace(rows, sessions=None), root).noise
+    added = scores_of_rows(rows, root).noise - without
+    assert np.trace(added) <= np.sum(rows.sessions**2) * (1 + 1e-9)
+    assert np.linalg.eigvalsh(added)[-1] > 0.5 * size**2 * len(q)

@@ -9,6 +9,9 @@ Solved is
 
     min over θ, g, b of Σ_j ‖τᵐ_j − g_j (X_j θ + y_j) − b_j‖²/σ_j²,   on one triangle per channel
 
+with g_j θ_k in place of θ_k where one channel alone has the column k, as of its friction: a gain
+that noise hides may pass 0, where no friction φ makes g φ that of the log.
+
 Divided by g_j the problem is linear in (θ, a = 1/g): a_j τᵐ_j − y_j = X_j θ (Gautier & Briot 2014).
 There the noise of τᵐ is among the columns and biases the solution, so that this form only gives the
 start. In the form above the noise is additive, so that Gauss–Newton on (θ, g) with σ_j from the
@@ -58,6 +61,7 @@ class GainSolution:
 
     theta: Array  # θ, (p,)
     g: Array  # gains, (n,)
+    alone: Mask  # whether θ_k is of one channel alone, its gain in it, (p,)
     b: Array  # offsets of every run, (runs, n)
     root: Array  # R, R Rᵀ the covariance of (θ, g, b) for white noise, (p + n + runs n, ·)
     noise: Array  # σ_j, (n,) N·m or N
@@ -67,11 +71,11 @@ class GainSolution:
         """Residual τᵐ − g (X θ + y) − b of rows [1 per run, X, y, τᵐ], (n, N)."""
         runs = len(self.b)
         offsets = np.einsum("jik,kj->ji", block[:, :, :runs], self.b)
-        return _rest(block[:, :, runs:], self.theta, self.g) - offsets
+        return _rest(block[:, :, runs:], self.theta, self.g, self.alone) - offsets
 
     def slopes(self, block: Array) -> Array:
         """∂(g (X θ + y) + b)/∂(θ, g, b) of the same rows, (n, N, p + n + runs n)."""
-        return _with_offsets(block, self.theta, self.g, len(self.b))
+        return _with_offsets(block, self.theta, self.g, self.alone, len(self.b))
 
 
 def reduced(blocks: Iterable[Array]) -> Array:
@@ -89,24 +93,27 @@ def solve(triangle: Array, n_samples: int, n_runs: int) -> GainSolution:
     # Below the rows of the offsets, the triangle is that of the centred data.
     rows = triangle[:, n_runs:, n_runs:]
     n, p = len(rows), rows.shape[2] - 2
+    has = rows[:, :, :-2].any(axis=1)
+    alone = has.sum(axis=0) == 1
     freedom = max(n_samples - n_runs - (p + n) / n, 1.0)
     floor = (_PERFECT * np.linalg.norm(rows[:, :, -1])) ** 2 + np.finfo(float).tiny
 
     def power(x: Array) -> Array:
-        return np.asarray(np.sum(_rest(rows, x[:p], x[p:]) ** 2, axis=1) + floor)
+        return np.asarray(np.sum(_rest(rows, x[:p], x[p:], alone) ** 2, axis=1) + floor)
 
     def linearise(x: Array) -> Linearised:
         # σ_j² = power_j / freedom: the log-likelihood is −½ freedom Σ_j ln power_j.
         weight = np.sqrt(freedom / power(x))[:, None]
-        rest = weight * _rest(rows, x[:p], x[p:])
-        J = weight[:, :, None] * _slopes(rows, x[:p], x[p:])
+        rest = weight * _rest(rows, x[:p], x[p:], alone)
+        J = weight[:, :, None] * _slopes(rows, x[:p], x[p:], alone)
         step = posterior_of(J.reshape(rest.size, -1), rest.ravel()).mean
         unit = np.where(np.arange(p + n) < p, np.inf, np.linalg.norm(x[p:]))
         return Linearised(step, unit, lambda at: float(np.log(power(at)).sum()), order=2)
 
+    theta, g = linear(rows)
     solution = gauss_newton(
         linearise,
-        np.concatenate(linear(rows)),
+        np.append(np.where(alone, g @ has, 1.0) * theta, g),
         passes=_ITERATIONS,
         done=_CONVERGED,
         halvings=_HALVINGS,
@@ -115,10 +122,10 @@ def solve(triangle: Array, n_samples: int, n_runs: int) -> GainSolution:
     # The offsets are the residuals of the means; their rows stand above those of the others.
     theta, g, noise = x[:p], x[p:], np.sqrt(power(x) / freedom)
     ones, means = triangle[:, :n_runs, :n_runs], triangle[:, :n_runs, n_runs:]
-    b = _rest(np.asarray(np.linalg.solve(ones, means)), theta, g).T
-    slopes = _with_offsets(triangle, theta, g, n_runs) / noise[:, None, None]
+    b = _rest(np.asarray(np.linalg.solve(ones, means)), theta, g, alone).T
+    slopes = _with_offsets(triangle, theta, g, alone, n_runs) / noise[:, None, None]
     root = posterior_of(slopes.reshape(-1, slopes.shape[2]), is_wide=True).root
-    return GainSolution(theta, g, b, root, noise, solution.converged)
+    return GainSolution(theta, g, alone, b, root, noise, solution.converged)
 
 
 def linear(rows: Array) -> tuple[Array, Array]:
@@ -132,23 +139,24 @@ def linear(rows: Array) -> tuple[Array, Array]:
     return theta, 1 / np.where(np.abs(a) > ROUNDING, a, 1.0)
 
 
-def _rest(rows: Array, theta: Array, g: Array) -> Array:
-    """τᵐ − g (X θ + y), (n, rows)."""
-    return np.asarray(rows[:, :, -1] - g[:, None] * (rows[:, :, :-2] @ theta + rows[:, :, -2]))
+def _rest(rows: Array, theta: Array, g: Array, alone: Mask) -> Array:
+    """τᵐ − g (X θ + y), (n, rows); without g where `alone`."""
+    shared = rows[:, :, :-2] @ (theta * ~alone) + rows[:, :, -2]
+    return np.asarray(rows[:, :, -1] - g[:, None] * shared - rows[:, :, :-2] @ (theta * alone))
 
 
-def _slopes(rows: Array, theta: Array, g: Array) -> Array:
-    """∂(g (X θ + y))/∂(θ, g), (n, rows, p + n)."""
+def _slopes(rows: Array, theta: Array, g: Array, alone: Mask) -> Array:
+    """∂(τᵐ − rest)/∂(θ, g), (n, rows, p + n)."""
     n, p = len(rows), len(theta)
     J = np.zeros((*rows.shape[:2], p + n))
-    J[:, :, :p] = g[:, None, None] * rows[:, :, :-2]
-    J[np.arange(n), :, p + np.arange(n)] = rows[:, :, :-2] @ theta + rows[:, :, -2]
+    J[:, :, :p] = np.where(alone, 1.0, g[:, None, None]) * rows[:, :, :-2]
+    J[np.arange(n), :, p + np.arange(n)] = rows[:, :, :-2] @ (theta * ~alone) + rows[:, :, -2]
     return J
 
 
-def _with_offsets(rows: Array, theta: Array, g: Array, n_runs: int) -> Array:
-    """∂(g (X θ + y) + b)/∂(θ, g, b) of rows [1 per run, X, y, τᵐ]."""
-    J = _slopes(rows[:, :, n_runs:], theta, g)
+def _with_offsets(rows: Array, theta: Array, g: Array, alone: Mask, n_runs: int) -> Array:
+    """∂(τᵐ − rest)/∂(θ, g, b) of rows [1 per run, X, y, τᵐ]."""
+    J = _slopes(rows[:, :, n_runs:], theta, g, alone)
     offsets = np.einsum("jik,jl->jikl", rows[:, :, :n_runs], np.eye(len(g)))
     return np.concatenate([J, offsets.reshape(*J.shape[:2], -1)], axis=2)
 

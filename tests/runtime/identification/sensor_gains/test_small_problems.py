@@ -36,6 +36,27 @@ def test_the_linear_start_is_exact_for_exact_data():
     np.testing.assert_allclose(found[1], gains, rtol=1e-12)
 
 
+def test_a_gain_that_noise_hides_keeps_no_other_from_convergence():
+    """Oracle: the truth. The load of the third joint is a tenth of its noise, its friction plain.
+
+    Noise among the columns leads its linear start to 100 and above, or to the other side of 0.
+    """
+    gains, noise = np.array([1.1, 0.95, 0.9]), np.array([[0.01], [0.01], [1.0]])
+    load = np.array([[1.0], [1.0], [0.1]])
+    z = []
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        columns = np.zeros((3, 400, 4))
+        columns[:, :, 0], known = load * rng.normal(size=(2, 3, 400))
+        columns[[0, 1, 2], :, [1, 2, 3]] = np.sign(rng.normal(size=(3, 400)))
+        block = channels(np.array([0.7, 1.0, 0.5, 8.0]), gains, columns, known)
+        block[..., -1] += noise * rng.normal(size=(3, 400))
+        solution = solve(reduced([block]), 400, 1)
+        assert solution.converged, seed
+        z.append((solution.g - gains) / np.linalg.norm(solution.root[4:7], axis=1))
+    np.testing.assert_allclose(np.mean(np.square(z), axis=0), 1.0, atol=0.6)  # 2.3 σ of 30
+
+
 def test_a_direction_that_is_not_excited_has_the_sigma_of_the_bound():
     """Closed form: of two equal columns of length l the difference is unseen.
 

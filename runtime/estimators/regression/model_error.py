@@ -216,9 +216,10 @@ def friction_columns(fit: FreeFit) -> tuple[Array, list[int]]:
 
 
 SLOW = 0.06  # speed at which friction that grows with load has nearly its whole size [rad/s, m/s]
-KINDS = np.repeat([0, 1], [5, 4])
+KINDS = np.repeat([0, 1], [5, 8])
 """Kind of every shape, each with its λ: 0 of the posture (q, sin q, cos q, sin 2q, cos 2q), 1 of
-friction (load, bend over the speed, peak at low speed, stroke of the memory)."""
+friction (with the position: ζ sin q, ζ cos q, dq sin q, dq cos q; load, bend over the speed, peak
+at low speed, stroke of the memory)."""
 USUAL_SIZE, DOUBT = 0.003, 1.0  # expected common λ over the joint's range, and σ of ln λ
 MOST, STEP = 0.02, 1.6
 """Largest λ over the range of the joint, and ratio of candidates: q hardly differs from sin q where
@@ -249,6 +250,7 @@ def nuisance_columns(lib: Library, pi: Array, samples: Samples) -> Array:
         line = np.column_stack([zeta[:, j], dq[:, j], np.ones(len(q))])
         root[:, j] = least_squares(line, root[:, j])[1]
     each = [q, np.sin(q), np.cos(q), np.sin(2 * q), np.cos(2 * q)]
+    each += [zeta * np.sin(q), zeta * np.cos(q), dq * np.sin(q), dq * np.cos(q)]
     each += [load / np.maximum(load.max(axis=0), 1e-12) * np.tanh(dq / SLOW), root]
     each += [zeta * np.exp(-((dq / STRIBECK_SPEED) ** 2))]
     each += [dahl_state(q, DAHL_STROKE / 2) - dahl_state(q, 2 * DAHL_STROKE)]

@@ -233,17 +233,18 @@ def test_the_posterior_of_sizes_is_that_of_their_scores() -> None:
 
 
 def test_shapes_of_a_kind_have_one_size() -> None:
-    """Oracle: orthogonal shapes of posture of 0.03, of friction of 0.3, seen with noise of 0.001.
+    """Oracle: orthogonal shapes of 0.03, 0.3 and 0.1 by their kind, with noise of 0.001.
 
     The mean of five squares has an error of √(2/5), of which a size has half; candidates are 1.6
     apart. A joint whose other columns take up all of its shapes has the size of the others.
     """
-    rng, true, ranges = np.random.default_rng(6), np.array([0.03, 0.3])[KINDS], np.full(7, 30.0)
+    rng, ranges = np.random.default_rng(6), np.full(7, 30.0)
+    true = np.array([0.03, 0.3, 0.1])[KINDS]
     grams = np.repeat(np.eye(SHAPES)[None], 7, axis=0)
     scores = true * rng.normal(size=(7, SHAPES))
     sizes = nuisance_sizes(grams, scores, 1e-6, ranges)
     assert np.abs(np.log(sizes.mean(axis=0) / true)).max() < np.log(1.6) / 2
-    assert len(set(sizes[0].tolist())) == 2
+    assert len(set(sizes[0].tolist())) == 3
     grams[0], scores[0] = 1e-6 * grams[0], 1e-6 * scores[0]
     hidden = nuisance_sizes(grams, scores, 1e-6, ranges)
     assert np.abs(np.log(hidden[0] / true)).max() < np.log(1.6)  # √(2/5)/2, and 1/√6 of the law

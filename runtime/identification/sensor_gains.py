@@ -9,8 +9,8 @@ Solved is
 
     min over θ, g, b of Σ_j ‖τᵐ_j − g_j (X_j θ + y_j) − b_j‖²/σ_j²,   on one triangle per channel
 
-with g_j θ_k in place of θ_k where one channel alone has the column k, as of its friction: a gain
-that noise hides may pass 0, where no friction φ makes g φ that of the log.
+where the unknown is g_j θ_k in place of θ_k if one channel alone has the column k, as of its
+friction: a gain that noise hides may pass 0, where no friction φ makes g φ that of the log.
 
 Divided by g_j the problem is linear in (θ, a = 1/g): a_j τᵐ_j − y_j = X_j θ (Gautier & Briot 2014).
 There the noise of τᵐ is among the columns and biases the solution, so that this form only gives the
@@ -140,9 +140,10 @@ def linear(rows: Array) -> tuple[Array, Array]:
 
 
 def _rest(rows: Array, theta: Array, g: Array, alone: Mask) -> Array:
-    """τᵐ − g (X θ + y), (n, rows); without g where `alone`."""
-    shared = rows[:, :, :-2] @ (theta * ~alone) + rows[:, :, -2]
-    return np.asarray(rows[:, :, -1] - g[:, None] * shared - rows[:, :, :-2] @ (theta * alone))
+    """τᵐ − g (X θ + y), (n, rows); θ contains g where `alone`."""
+    scaled = theta * np.where(alone, 1.0, g[:, None])
+    fitted = (rows[:, :, :-2] @ scaled[:, :, None])[:, :, 0]
+    return np.asarray(rows[:, :, -1] - g[:, None] * rows[:, :, -2] - fitted)
 
 
 def _slopes(rows: Array, theta: Array, g: Array, alone: Mask) -> Array:

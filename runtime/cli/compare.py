@@ -6,7 +6,6 @@ from typing import Any
 
 from runtime.cli import log_options
 from runtime.cli.common import ResultFolder, counting, listed, open_robot, require_page, state
-from runtime.cli.shown_progress import shown_progress
 from runtime.common.settings import argument_field, method_field, model_field, output_field
 from runtime.common.terminal import VERBOSE, command_line, completing, say, say_notes, show
 from runtime.errors import IdentificationError
@@ -110,7 +109,7 @@ def compare_command(given: CompareSettings) -> None:
         rows=given.rows,
     )
     with counting(state()) as bar:
-        shown = shown_progress(bar, "compare", lib.name)
+        shown = log_options.shown_progress(bar, "compare", lib.name)
         assembly, notes = assembly_of_logs(log, lib, wanted, names, shown)
     if assembly.source_note:
         notes.append(assembly.source_note)

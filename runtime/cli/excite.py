@@ -14,12 +14,21 @@ from runtime.campaign.shortest_session import (
     shortest_session,
     target_of,
 )
-from runtime.cli.accuracy_tables import torque_sentence, unit_payload_sentence
-from runtime.cli.approach import SessionPlan, session_plan
 from runtime.cli.common import open_robot
 from runtime.cli.excite_settings import POSES, ExciteSettings
-from runtime.cli.motion_output import SAMPLED, certified_stages, json_path
-from runtime.cli.planned_log import planned_noise, require_gain_error
+from runtime.cli.motion_output import (
+    SAMPLED,
+    SessionPlan,
+    certified_stages,
+    json_path,
+    session_plan,
+)
+from runtime.cli.planned_log import (
+    planned_noise,
+    require_gain_error,
+    torque_sentence,
+    unit_payload_sentence,
+)
 from runtime.common.files import replacing, require_unused
 from runtime.common.settings import settings_place
 from runtime.common.tables import Table

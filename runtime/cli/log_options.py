@@ -1,4 +1,4 @@
-"""Records of choices on logs that several commands share, and the files that they name."""
+"""Choices on logs that several commands share, the files that they name, and their progress."""
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
@@ -6,17 +6,21 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.progress import Progress as Bar
 
 from runtime.cli import common
 from runtime.common import settings
-from runtime.common.terminal import completing, say
+from runtime.common.tables import Table
+from runtime.common.terminal import VERBOSE, completing, say, show
 from runtime.common.texts import number_of
 from runtime.errors import IdentificationError
+from runtime.estimators.choice.friction_choice import FrictionChoice
+from runtime.estimators.choice.regressor_choice import CutoffCandidate, CutoffChoice
 from runtime.estimators.methods import METHODS
 from runtime.estimators.prior_file import PriorFile, read_prior
 from runtime.identification.identify import SEVERAL_STREAMED, Source
 from runtime.identification.saved_result import SavedResult, read_result, require_model
-from runtime.identification.settings import AUTO
+from runtime.identification.settings import AUTO, Progress
 from runtime.identification.several_logs import NamedLog, read_carried
 from runtime.library import Array, Library
 from runtime.recording import EVERYTHING, REGRESSORS, Friction, Split, read_recording
@@ -312,3 +316,40 @@ def inputs_of(methods: Iterable[str], lib: Library, **files: Path | None) -> dic
     return {
         name: readers[name](path, lib) for name, path in files.items() if path and name in readers
     }
+
+
+def shown_progress(bar: Bar, method: str, robot: str, total: int | None = None) -> Progress:
+    """One bar: the present step, then the iterations of the method; choices are printed above."""
+    task = bar.add_task("reading the log", total=None, state="")
+
+    def choice(made: CutoffChoice | FrictionChoice) -> None:
+        if isinstance(made, FrictionChoice) or VERBOSE.get():
+            show(_candidates(made))
+        else:
+            say(f"cut-off: {made.chosen.cutoff_hz:g} Hz, chosen by cross-validation")
+
+    def iteration(done: int, best: float) -> None:
+        text, name = f"best validation loss {best:.6g}", f"{method} on {robot}"
+        bar.update(task, description=name, total=total, completed=done, state=text)
+
+    return Progress(lambda sentence: bar.update(task, description=sentence), choice, iteration)
+
+
+def _candidates(choice: CutoffChoice | FrictionChoice) -> Table:
+    """Candidates with their cross-validation errors; an arrow marks the choice."""
+    rows: list[tuple[str, ...]] = []
+    for c in choice.candidates:
+        mark = "→ " if c is choice.chosen else ""
+        errors = f"{c.score:.3f}", f"{c.excess:.3f} ± {c.excess_error:.3f}"
+        if isinstance(c, CutoffCandidate):
+            velocity = "from q" if c.derivative == "position" else c.derivative
+            rows.append((f"{mark}{c.cutoff_hz:g} Hz", velocity, *errors, f"{100 * c.white:.0f} %"))
+        else:
+            rows.append((f"{mark}{c.name}: {c.terms}", *errors, f"{c.aic:.1f}", f"{c.parameters}"))
+    if isinstance(choice, FrictionChoice):
+        head = ("friction model", "error", "above the best", "AIC", "unknowns")
+        title = "Friction model: cross-validation error over noise"
+    else:
+        head = ("cut-off", "velocity", "error", "above the best", "independent rows")
+        title = "Cut-off: cross-validation error on the unfiltered torque"
+    return Table(head, tuple(rows), title=title)

@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from runtime.campaign.shortest_session import ModelError
-from runtime.cli import accuracy_tables, planned_log
+from runtime.cli import planned_log
 from runtime.cli.common import counting, open_robot, state
-from runtime.cli.log_options import Cutoff, LogChoices, Rate, bundled_logs
-from runtime.cli.shown_progress import shown_progress
+from runtime.cli.log_options import Cutoff, LogChoices, Rate, bundled_logs, shown_progress
 from runtime.common import settings
 from runtime.common.files import json_text, require_unused
 from runtime.common.terminal import completing, say, show
@@ -181,11 +180,11 @@ def _predict_walk(lib: Library, given: PredictSettings) -> None:
         f"{log.name}: {result.evidence.seconds:.3g} s are fitted, friction columns: "
         f"{', '.join(columns) or 'none'}; σ contain offsets of the contact sensors"
     )
-    show(accuracy_tables.base_table(now, lib))
-    show(accuracy_tables.link_table(now, lib))
+    show(planned_log.base_table(now, lib))
+    show(planned_log.link_table(now, lib))
     say(f"total mass to ±{1000 * before[TOTAL_MASS]:.1f} g")
     if steps:
-        show(accuracy_tables.gain_table(steps))
+        show(planned_log.gain_table(steps))
         say(verdict(steps))
 
 
@@ -309,18 +308,18 @@ def _show(
     lib, alone = situation.lib, situation.known.payload_only
     say(situation.sentence())
     if not alone:
-        show(accuracy_tables.base_table(now, lib))
-        show(accuracy_tables.link_table(now, lib))
+        show(planned_log.base_table(now, lib))
+        show(planned_log.link_table(now, lib))
         torque, whole = _unseen(situation, now, gain_error)
         units = torque_units(lib.manifest)
-        say(accuracy_tables.torque_sentence(torque, units))
+        say(planned_log.torque_sentence(torque, units))
         if gain_error:
-            say(accuracy_tables.torque_sentence(whole, units, gain_error))
-    say(accuracy_tables.payload_sentence(now, alone))
+            say(planned_log.torque_sentence(whole, units, gain_error))
+    say(planned_log.payload_sentence(now, alone))
     if not situation.from_residuals and situation.planned.sentence():
         say(situation.planned.sentence())
     if steps:
-        show(accuracy_tables.gain_table(steps))
+        show(planned_log.gain_table(steps))
         say(verdict(steps))
 
 

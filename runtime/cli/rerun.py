@@ -1,4 +1,4 @@
-"""`symgen rerun`: the run of a result again, and whether its digits are the same."""
+"""`symgen rerun` and `symgen undo`: a result again, and the one that the last run replaced."""
 
 import io
 import math
@@ -11,7 +11,7 @@ from typing import Any
 
 import typer
 
-from runtime.cli.common import Yes
+from runtime.cli.common import EARLIER, Yes, swap_earlier
 from runtime.common.commands import GROUPS, imported
 from runtime.common.files import bytes_of, json_of, toml_of
 from runtime.common.settings import FILE, Choices, argument_field, settings_place
@@ -94,3 +94,29 @@ def _unequal(first: Any, again: Any, place: str) -> Iterator[str]:
             yield from _unequal(*both, f"{place}[{k}]")
     elif first != again and not all(isinstance(x, float) and math.isnan(x) for x in (first, again)):
         yield f"{place} was {first!r}, is {again!r}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UndoSettings(Choices):
+    """Settings of `symgen undo`."""
+
+    options = ""
+    result: Path = argument_field(metavar="RESULT", help="Folder whose result was replaced.")
+
+
+def undo_command(given: UndoSettings) -> None:
+    r"""Bring the result back that the last run replaced.
+
+    \b
+    symgen undo results/fr3_simulated-map
+
+    A command that replaces its earlier result keeps that one in the hidden folder .earlier of the
+    result. A second undo brings the newer result back.
+    """
+    if not (given.result / EARLIER).is_dir():
+        raise RuntimeFault(
+            f"expected a folder whose result was replaced, got '{given.result}', which keeps no "
+            "earlier one"
+        )
+    for name in swap_earlier(given.result):
+        say(f"back: {given.result / name}")

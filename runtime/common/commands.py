@@ -48,8 +48,8 @@ def _build(module: str, name: str, sentence: str, argument: str = "") -> Command
     return Command(name, f"symgen.cli.{module}", sentence, argument)
 
 
-def _run(name: str, sentence: str, argument: str = "") -> Command:
-    return Command(name, f"runtime.cli.{name}", sentence, argument)
+def _run(name: str, sentence: str, argument: str = "", module: str = "") -> Command:
+    return Command(name, f"runtime.cli.{module or name}", sentence, argument)
 
 
 GROUPS: dict[str, tuple[Command, ...]] = {  # all commands in the order of the overview
@@ -68,13 +68,11 @@ GROUPS: dict[str, tuple[Command, ...]] = {  # all commands in the order of the o
     "Check the input": (
         _build("inspect", "inspect", "Check the inertial parameters of a robot model.", "MODEL"),
         _run("inspect", "Check a log and propose a recipe that reads it.", "LOG"),
-        Command(
-            "locate", "runtime.cli.bundled", "Print the folder of a known data set or of a robot."
-        ),
+        _run("locate", "Print the folder of a known data set or of a robot.", module="bundled"),
     ),
     "Plan a motion": (
         _run("excite", "Design an excitation motion within all limits of a robot."),
-        _run("approach", "Plan the way to the start of a motion and back."),
+        _run("approach", "Plan the way to the start of a motion and back.", module="motion_output"),
         _run("predict", "Predict the accuracy that a motion or a log allows."),
         _run("simulate", "Simulate the log of a robot with known parameters."),
         _run(
@@ -84,8 +82,12 @@ GROUPS: dict[str, tuple[Command, ...]] = {  # all commands in the order of the o
     ),
     "Identify": (
         _run("identify", "Identify the inertial parameters of a robot from logs."),
-        _run("friction", "Identify friction anew and keep the links of an earlier result."),
-        _run("payload", "Identify mass, centre of mass and inertia of a payload."),
+        _run(
+            "friction",
+            "Identify friction anew and keep the links of an earlier result.",
+            module="evaluate",
+        ),
+        _run("payload", "Identify mass, centre of mass and inertia of a payload.", module="gains"),
         _run("gains", "Identify gain and bias of every torque sensor or drive."),
         _run("fleet", "Compute the prior of a type of robot from many units of it."),
         _run(
@@ -96,15 +98,15 @@ GROUPS: dict[str, tuple[Command, ...]] = {  # all commands in the order of the o
         _run("evaluate", "Evaluate an identified model on another log."),
         _run("observe", "Compute the external torque of a log and find contacts."),
         _run("watch", "Test whether a robot has changed since its model was identified."),
-        _run("sample", "Draw models from the posterior of an identification."),
+        _run("sample", "Draw models from the posterior of an identification.", module="export"),
         _run("export", "Export an identified model to simulators and controllers."),
         _run("report", "Write the results of a folder as one HTML page."),
         _run("rerun", "Repeat the run of a result and compare the digits."),
-        _run("undo", "Bring the result back that the last run replaced."),
+        _run("undo", "Bring the result back that the last run replaced.", module="rerun"),
         _run("view", "Show the moving robot in a web browser."),
     ),
     "Learn": (
-        Command("tutorial", "runtime.cli.bundled", "Show a tutorial."),
+        _run("tutorial", "Show a tutorial.", module="bundled"),
         Command(
             "reproduce",
             "runtime.experiments.command",

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 from runtime.cli.common import ResultFolder
-from runtime.cli.identify_settings import IdentifySettings
+from runtime.cli.identify import IdentifySettings
 from tests.runtime.conftest import Command
 
 KIND = ResultFolder(("result.json", "report.html", "statistics.npz"), "method")

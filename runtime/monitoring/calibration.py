@@ -236,8 +236,8 @@ def on_other_days(
     """
     changed = []
     for log in logs:
-        signals = motion_of(log, model.terms.columns, None).signals
-        parts = model.session_features(lib, log.q, log.required("dq"), signals)[:, :, 1:]
+        motion = motion_of(log, model.terms.columns, lib)
+        parts = model.session_features(motion)[:, :, 1:]
         place = (log.t - log.t[0]) / DAY_S
         first = place.astype(int)
         draws = LARGE_DAY * rng.normal(size=(first[-1] + 2, *parts.shape[1:]))

@@ -6,8 +6,8 @@ p and Cᵀ dq − g come from the regressors of `momentum_regressor`; columns of
 p, all others in τ_f. No acceleration is needed.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,9 +20,6 @@ from runtime.recording.friction.model import columns as friction_columns
 from runtime.recording.friction.model import torque as friction_torque
 from runtime.recording.settings import COLUMNS, FrictionColumn, JointMotion
 
-Signals = Mapping[str, Array]
-"""Name → (N, n) further signals of a log, for the friction columns that need them."""
-NO_SIGNALS: Signals = {}
 CHUNK = 4096  # states whose regressors are held at a time
 SLOW = 2.0  # speed in units of ε below which dry friction may act in either direction
 
@@ -55,32 +52,24 @@ class MonitoredModel:
         """Coupled motors of the columns; None without."""
         return coupling_of_terms(self.terms)
 
-    def balance(
-        self,
-        lib: Library,
-        q: Array,
-        dq: Array,
-        zeta: Array | None = None,
-        signals: Signals = NO_SIGNALS,
-    ) -> tuple[Array, Array]:
-        """Momentum p and force s of τ_m + τ_ext = dp/dt − s, (N, n); zeta: state of a memory."""
+    def balance(self, lib: Library, motion: JointMotion) -> tuple[Array, Array]:
+        """Momentum p and force s of τ_m + τ_ext = dp/dt − s, (N, n)."""
+        q, dq = np.asarray(motion.q), motion.dq
         momentum, force = np.empty_like(q), np.empty_like(q)
         for start in range(0, len(q), CHUNK):
             part = slice(start, start + CHUNK)
             over_p, over_s = lib.momentum_regressor(q[part], dq[part])
             momentum[part], force[part] = over_p @ self.beta, over_s @ self.beta
-        rotors, columns = self.columns(lib, q, dq, zeta, signals)
+        rotors, columns = self.columns(motion)
         momentum += friction_torque(rotors, self.phi, self.coupling)
         force -= friction_torque(columns, self.phi, self.coupling) + lib.known_torque(q)
         return momentum, force
 
-    def rows(
-        self, lib: Library, q: Array, dq: Array, signals: Signals = NO_SIGNALS
-    ) -> tuple[Array, Array]:
+    def rows(self, lib: Library, motion: JointMotion) -> tuple[Array, Array]:
         """Regressors of p and s over [β; φ]; friction with a memory counts as Coulomb friction."""
-        over_p, over_s = lib.momentum_regressor(q, dq)
-        sign = np.tanh(dq / self.terms.coulomb_speed)
-        rotors, columns = self.columns(lib, q, dq, sign, signals)
+        over_p, over_s = lib.momentum_regressor(np.asarray(motion.q), motion.dq)
+        sign = np.tanh(motion.dq / self.terms.coulomb_speed)
+        rotors, columns = self.columns(replace(motion, zeta=sign))
         spread_p = spread(rotors, self.coupling)
         spread_s = spread(columns, self.coupling)
         return (
@@ -88,28 +77,18 @@ class MonitoredModel:
             np.concatenate([over_s, -spread_s], axis=2),
         )
 
-    def columns(
-        self,
-        lib: Library,
-        q: Array,
-        dq: Array,
-        zeta: Array | None = None,
-        signals: Signals = NO_SIGNALS,
-    ) -> tuple[Array, Array]:
-        """Friction columns of p and of τ_f, (N, n, k)."""
-        inertial = self.inertial
-        still = np.zeros_like(dq)
-        plain = friction_columns(JointMotion(dq, q, still, lib, zeta, signals), self.terms)
+    def columns(self, motion: JointMotion) -> tuple[Array, Array]:
+        """Friction columns of p and of τ_f, (N, n, k), at the speeds of a motion."""
+        inertial, still = self.inertial, np.zeros_like(motion.dq)
+        plain = friction_columns(replace(motion, ddq=still), self.terms)
         if not inertial.any():
             return np.zeros_like(plain), plain
-        moving = friction_columns(JointMotion(still, q, dq, lib, zeta, signals), self.terms)
+        moving = friction_columns(replace(motion, dq=still, ddq=motion.dq), self.terms)
         return np.where(inertial, moving, 0.0), np.where(inertial, 0.0, plain)
 
-    def session_features(
-        self, lib: Library, q: Array, dq: Array, signals: Signals = NO_SIGNALS
-    ) -> Array:
+    def session_features(self, motion: JointMotion) -> Array:
         """1, viscous and dry friction of the model: what a session scales, (N, n, 3)."""
-        _, columns = self.columns(lib, q, dq, signals=signals)
+        _, columns = self.columns(motion)
         is_viscous = self._are(lambda column: column.model_term == "damping")
         # Whatever follows the sign of the speed, or has a memory.
         is_dry = self._are(lambda column: "coulomb_speed" in column.widths) | self.memory
@@ -117,7 +96,7 @@ class MonitoredModel:
             friction_torque(columns, self.phi * kind, self.coupling)
             for kind in (is_viscous, is_dry)
         ]
-        return np.stack([np.ones_like(q), *parts], axis=2)
+        return np.stack([np.ones_like(motion.dq), *parts], axis=2)
 
     @property
     def memory(self) -> Mask:

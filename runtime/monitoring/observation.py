@@ -36,7 +36,6 @@ import numpy as np
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library, Mask
 from runtime.monitoring.model import CHUNK, SLOW, MonitoredModel
-from runtime.monitoring.model import Signals as FurtherSignals
 from runtime.monitoring.noise import (
     REVERSAL_S,
     AlarmRate,
@@ -56,10 +55,11 @@ from runtime.monitoring.observer import (
     windows,
 )
 from runtime.recording import Preparation, Recording
-from runtime.recording.friction.model import DAY, LARGE_DAY, motion_of
+from runtime.recording.friction.model import DAY, LARGE_DAY
 from runtime.recording.preprocessing.pipeline import on_grid
 from runtime.recording.preprocessing.segments import differentiate
 from runtime.recording.rest_speeds import rest_speeds
+from runtime.recording.settings import JointMotion
 
 BLOCK_S = 0.1  # length of a block [s]
 BIAS_S = 5.0  # time in which a bias is followed [s]
@@ -210,10 +210,9 @@ def detector_for(
         within_s = max(WITHIN_S, LEAST_SAMPLES / recording.rate_hz)
     count = int(np.searchsorted(recording.t, recording.t[0] + EXCERPT_S)) or 1
     part = recording.take(slice(0, count), "Took an excerpt.")
-    motion, further = _signals(part, model)
     choices = []
     for settings in candidates(part.rate_hz, within_s):
-        (r,) = external_torques(lib, model, settings, part.t, motion, further)
+        (r,) = external_torques(lib, model, settings, part)
         noise = noise_of_observer(settings, held_out, part.t, r)
         z = levels(rate.per_second, noise.correlation, settings.rate_hz)
         choices.append(Detector(model, settings, within_s, rate, noise, z, root))
@@ -259,11 +258,10 @@ def signals_of(
     r[~np.isfinite(r).all(axis=1)] = np.nan
     band, extra, rest = (np.zeros_like(recording.q) for _ in range(3))
     unknown, slowest = unknown_dry_friction(lib, model), slow_speeds(lib, model)
-    motion, further = _signals(recording, model)
-    for rows, position, speed, torque, signals in windows(s, recording.t, motion, further):
-        t = recording.t[rows]
+    for rows, motion, torque in windows(lib, model, s, recording):
+        t, position, speed = recording.t[rows], np.asarray(motion.q), motion.dq
         if detector.root is not None:
-            band[rows] = _band(lib, model, s, detector.root, position, speed, signals)
+            band[rows] = _band(lib, detector, detector.root, motion)
         if unknown.any():
             rest[rows] = near(t, np.abs(speed) < slowest, 0.0, REVERSAL_S) * unknown
         slow = near(t, model.is_slow(speed), 0.0, REVERSAL_S)
@@ -284,12 +282,10 @@ def both_torques(
 
     The features (N, n, 3) are what differs between sessions, at the means of the window.
     """
-    motion, further = _signals(recording, model)
-    overs = 1, direct_steps(s.rate_hz)
-    r, direct = external_torques(lib, model, s, recording.t, motion, further, overs)
+    r, direct = external_torques(lib, model, s, recording, (1, direct_steps(s.rate_hz)))
     features = np.zeros((*r.shape, 3))
-    for rows, q, dq, _, signals in windows(s, recording.t, motion, further):
-        features[rows] = model.session_features(lib, q, dq, signals=signals)
+    for rows, motion, _ in windows(lib, model, s, recording):
+        features[rows] = model.session_features(motion)
     return r, np.where(np.isfinite(r), direct, np.nan), features
 
 
@@ -344,25 +340,10 @@ def prepared_for(
     return differentiate(data) if data.dq is None else data
 
 
-def _signals(
-    recording: Recording, model: MonitoredModel
-) -> tuple[tuple[Array, Array, Array], FurtherSignals]:
-    """q, dq and τ of a log, and the signals that the columns of a model need beside them."""
-    motion = recording.q, recording.required("dq"), recording.required("tau")
-    return motion, motion_of(recording, model.terms.columns, None).signals
-
-
-def _band(
-    lib: Library,
-    model: MonitoredModel,
-    s: ObserverSettings,
-    root: Array,
-    q: Array,
-    dq: Array,
-    signals: FurtherSignals,
-) -> Array:
+def _band(lib: Library, detector: Detector, root: Array, motion: JointMotion) -> Array:
     """σ of the model's torque, ‖(dP/dt − S) L‖ by differences over 1/BAND_HZ, (N, n)."""
-    stride = max(round(s.rate_hz / BAND_HZ), 1)
+    rate_hz, q, dq = detector.settings.rate_hz, np.asarray(motion.q), motion.dq
+    stride = max(round(rate_hz / BAND_HZ), 1)
     index = np.arange(0, len(q), stride)
     if len(index) < 2:
         return np.zeros_like(q)
@@ -370,9 +351,10 @@ def _band(
     size = max(CHUNK // 8, 2)
     for start in range(0, len(index) - 1, size - 1):
         taken = index[start : start + size]
-        further = {key: values[taken] for key, values in signals.items()}
-        over_p, over_s = model.rows(lib, q[taken], dq[taken], further)
-        change = np.diff(over_p, axis=0) * (s.rate_hz / stride)
+        signals = {key: x[taken] for key, x in motion.signals.items()}
+        some = JointMotion(dq[taken], q[taken], lib=lib, signals=signals)
+        over_p, over_s = detector.model.rows(lib, some)
+        change = np.diff(over_p, axis=0) * (rate_hz / stride)
         rows = change - (over_s[1:] + over_s[:-1]) / 2
         values[start : start + len(taken) - 1] = np.linalg.norm(rows @ root, axis=2)
     held = np.minimum(np.arange(len(q)) // stride, len(values) - 1)

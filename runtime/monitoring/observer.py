@@ -29,9 +29,12 @@ from numpy.typing import ArrayLike
 
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
-from runtime.monitoring.model import NO_SIGNALS, AnyModel, MonitoredModel, Signals, model_of
+from runtime.monitoring.model import AnyModel, MonitoredModel, model_of
+from runtime.recording import Recording
+from runtime.recording.friction.model import motion_of
 from runtime.recording.preprocessing.filters import scipy_signal
 from runtime.recording.preprocessing.segments import segments
+from runtime.recording.settings import JointMotion
 
 BANDWIDTH = 100.0  # K_O of the observer unless it is stated [1/s]
 VELOCITIES = ("measured", "position")
@@ -130,7 +133,8 @@ class Observer:
         self._lib, self._model = lib, model_of(identified, lib)
         self._has_memory = bool(self._model.memory.any())
         # Columns that need further signals are refused before the first sample.
-        self._model.columns(lib, *np.zeros((3, 1, lib.n_joints)))
+        still, place, zeta = np.zeros((3, 1, lib.n_joints))
+        self._model.columns(JointMotion(still, place, lib=lib, zeta=zeta))
         # A torque that is logged late belongs to an earlier state, and one logged early to a later.
         delay = self._model.delay_s * rate_hz
         self._late = max(delay, 0.0), max(-delay, 0.0)
@@ -180,12 +184,13 @@ class Observer:
         if len(self._window) <= s.steps:
             return self._r.copy()
         rows = np.stack(self._window)
-        mean = _window_mean(rows)
+        mean: Array = np.asarray(np.trapezoid(rows, axis=0) / s.steps) if s.steps else rows[0]
         speed = mean[1]
         if s.velocity == "position":
             speed = (rows[-1, 0] - rows[0, 0]) * (s.rate_hz / s.steps)
         zeta = self._advanced(mean[0])[None] if self._has_memory else None
-        p, force = self._model.balance(self._lib, mean[None, 0], speed[None], zeta)
+        motion = JointMotion(speed[None], mean[None, 0], lib=self._lib, zeta=zeta)
+        p, force = self._model.balance(self._lib, motion)
         now = p[0], mean[2] + force[0]
         if self._last is not None:
             w = (now[0] - self._last[0]) * s.rate_hz - (now[1] + self._last[1]) / 2
@@ -211,27 +216,27 @@ def _delayed(queue: deque[Array], late: float) -> Array:
     return newer if share == 0.0 else (1 - share) * newer + share * queue[-2 - whole]
 
 
-def _window_mean(rows: Array) -> Array:
-    """Mean over a window by the trapezoidal rule, (…), of rows (steps + 1, …)."""
-    if len(rows) == 1:
-        return np.asarray(rows[0])
-    return np.asarray((rows[:-1] + rows[1:]).mean(axis=0) / 2)
-
-
 def windows(
-    settings: ObserverSettings, t: Array, motion: tuple[Array, Array, Array], signals: Signals
-) -> Iterator[tuple[slice, Array, Array, Array, Signals]]:
-    """Rows of every segment that end a window, and means over it of q, dq, τ and signals."""
-    steps = settings.steps
-    for part in segments(t):
+    lib: Library, model: MonitoredModel, settings: ObserverSettings, log: Recording
+) -> Iterator[tuple[slice, JointMotion, Array]]:
+    """Rows of every segment that end a window, and means over it of the motion and of τ."""
+    steps, whole, tau = (
+        settings.steps,
+        motion_of(log, model.terms.columns, lib),
+        log.required("tau"),
+    )
+    for part in segments(log.t):
         if part.stop - part.start <= steps + 1:
             continue
-        q, dq, tau = (each[part] for each in motion)
-        position, speed, torque = (window_mean(settings, each) for each in (q, dq, tau))
+        q = log.q[part]
+        position, speed, torque = (
+            window_mean(settings, each) for each in (q, whole.dq[part], tau[part])
+        )
         if steps and settings.velocity == "position":
             speed = (q[steps:] - q[:-steps]) * (settings.rate_hz / steps)
-        further = {key: window_mean(settings, values[part]) for key, values in signals.items()}
-        yield slice(part.start + steps, part.stop), position, speed, torque, further
+        signals = {key: window_mean(settings, x[part]) for key, x in whole.signals.items()}
+        motion = JointMotion(speed, position, lib=lib, signals=signals)
+        yield slice(part.start + steps, part.stop), motion, torque
 
 
 def window_mean(settings: ObserverSettings, values: Array) -> Array:
@@ -248,27 +253,24 @@ def external_torques(
     lib: Library,
     model: MonitoredModel,
     settings: ObserverSettings,
-    t: Array,
-    motion: tuple[Array, Array, Array],
-    signals: Signals = NO_SIGNALS,
+    log: Recording,
     overs: tuple[int, ...] = (1,),
 ) -> tuple[Array, ...]:
-    """r of a whole log for one step; for more, dp/dt − u over them, not low-passed.
+    """r (N, n) of a whole log for one step; for more, dp/dt − u over them, not low-passed.
 
-    The observer starts again after each hole of the clock. t (N,) [s], motion q [rad, m], dq
-    [rad/s, m/s] and τ [N·m, N], (N, n) each, signals that the columns need → (N, n) [N·m, N].
+    The observer starts again after each hole of the clock.
     """
-    decay = settings.decay
-    result = tuple(np.full_like(motion[0], np.nan) for _ in overs)
-    for rows, position, speed, torque, further in windows(settings, t, motion, signals):
-        if len(position) <= max(overs):
+    decay, tau = settings.decay, log.required("tau")
+    result = tuple(np.full_like(tau, np.nan) for _ in overs)
+    for rows, motion, torque in windows(lib, model, settings, log):
+        if len(torque) <= max(overs):
             continue
-        p, force = model.balance(lib, position, speed, signals=further)
+        p, force = model.balance(lib, motion)
         rate = torque + force
         for r, over in zip(result, overs, strict=True):
             change = (p[over:] - p[:-over]) * (settings.rate_hz / over)
             if over > 1:
-                value = change - (motion[2][rows][over:] + force[over:])
+                value = change - (tau[rows][over:] + force[over:])
             else:
                 w = change - (rate[1:] + rate[:-1]) / 2
                 value = scipy_signal().lfilter([1 - decay], [1, -decay], w, axis=0)
@@ -305,10 +307,9 @@ def wrench_at(lib: Library, q: Array, external: Array, name: str) -> Wrench:
         )
     scale = np.repeat([1.0, LENGTH], 3)
     jacobian = lib.frame_jacobian(q, name) * scale[:, None]
-    left, sizes, right = np.linalg.svd(jacobian.T, full_matrices=False)
-    kept = sizes > DETERMINED * sizes[0]
-    w = right[kept].T @ ((left[:, kept].T @ external) / sizes[kept]) * scale
-    return Wrench(name, tuple(map(float, w[:3])), tuple(map(float, w[3:])), int(kept.sum()))
+    least, _, rank, _ = np.linalg.lstsq(jacobian.T, external, rcond=DETERMINED)
+    w = (least * scale).tolist()
+    return Wrench(name, tuple(w[:3]), tuple(w[3:]), int(rank))
 
 
 @dataclass(frozen=True, slots=True)

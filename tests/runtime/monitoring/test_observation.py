@@ -28,6 +28,7 @@ from runtime.monitoring.observation import (
 )
 from runtime.monitoring.observer import ObserverSettings, contacts_of, wrench_at
 from runtime.recording import Friction, Preparation
+from runtime.recording.settings import JointMotion
 from tests.oracle import pinocchio_model
 from tests.runtime.conftest import Command
 from tests.runtime.monitoring.conftest import Monitored
@@ -306,7 +307,7 @@ def test_a_band_counts_friction_with_a_memory_as_dry_friction(
         model_of(monitored.saved, lib), terms=Friction(("dahl",), 0.03), phi=np.ones((7, 1))
     )
     dq = 0.3 * np.array([[1.0, -1, 1, -1, 1, -1, 1]])
-    _, rows = model.rows(lib, lib.home[None], dq)
+    _, rows = model.rows(lib, JointMotion(dq, lib.home[None], lib=lib))
     np.testing.assert_allclose(rows[0, :, -7:], -np.diag(np.sign(dq[0])), atol=1e-8)
 
 

@@ -75,8 +75,7 @@ def test_a_log_and_its_samples_give_the_same(
     """Property: the program for logs and the one for samples differ by rounding only."""
     settings = ObserverSettings(RATE, 150.0, steps, velocity)
     model = model_of(monitored.result, lib)
-    motion = moving.q, moving.dq, moving.tau
-    (whole,) = external_torques(lib, model, settings, moving.t, motion)
+    (whole,) = external_torques(lib, model, settings, moving)
     observer = Observer(
         lib,
         monitored.result,
@@ -104,8 +103,7 @@ def test_r_follows_a_step_of_the_environment(
     pushed[start:, 2] = 5.0
     settings = ObserverSettings(100.0, 20.0)
     model = model_of(exact, lib)
-    motion = run.q, run.dq, run.tau - pushed
-    (r,) = external_torques(lib, model, settings, run.t, motion)
+    (r,) = external_torques(lib, model, settings, run.replace(tau=run.tau - pushed))
     # 100 Hz: trapezoids of a motion with 3 Hz leave some 10 mN·m.
     assert np.abs(r[start + 60 :, 2] - 5.0).max() < 0.05
     assert np.abs(np.delete(r, 2, axis=1)[1:]).max() < 0.05
@@ -182,8 +180,8 @@ def test_friction_with_a_memory_follows_the_path(lib: Library, monitored: Monito
         observer = Observer(lib, model, rate_hz=RATE)
         r.append(np.array([observer.update(*rows) for rows in zip(q, dq, torque, strict=True)]))
     settings = ObserverSettings(RATE)
-    motion, known = (q, dq, tau + 0.5 * zeta), model_of(with_memory, lib)
-    (whole,) = external_torques(lib, known, settings, t, motion)
+    log, known = Recording(t, q, dq, tau=tau + 0.5 * zeta), model_of(with_memory, lib)
+    (whole,) = external_torques(lib, known, settings, log)
     np.testing.assert_allclose(r[0], r[1], atol=2e-3)
     np.testing.assert_allclose(whole[1:], r[0][1:], atol=1e-8)
     observer.reset()

@@ -17,6 +17,7 @@ from runtime.monitoring.observation import Detector, detector_for, observe, prep
 from runtime.monitoring.observer import ObserverSettings
 from runtime.outputs.observer_c import observer_c
 from runtime.recording import Friction
+from runtime.recording.settings import JointMotion
 from tests.compiling import compile_program
 from tests.runtime.monitoring.conftest import Monitored
 
@@ -177,7 +178,7 @@ def test_the_example_runs(lib: Library, detector: Detector, tmp_path: Path) -> N
     program = compiled(observer_c(lib, detector, np.zeros(7)), lib, tmp_path, "example_observer.c")
     done = subprocess.run([str(program)], capture_output=True, text=True, check=True)
     still = np.zeros(7)
-    columns = detector.model.columns(lib, lib.home[None], still[None])[1][0]
+    columns = detector.model.columns(JointMotion(still[None], lib.home[None], lib=lib))[1][0]
     right = lib.base_inverse_dynamics(lib.home, still, still, detector.model.beta)
     right = right + np.sum(columns * detector.model.phi, axis=1)
     shown = [float(line.split()[3].rstrip(",")) for line in done.stdout.splitlines()[:7]]

@@ -103,7 +103,7 @@ def test_position_beside_dahl_has_its_state(tiny_built: Path, tmp_path):
     log, _ = dry_servo_log(lib, tmp_path, memory=True, slope=2.0)
     model = model_of(identified(log, lib), lib)
     state = np.full((1, 1), 0.25)
-    _, plain = model.columns(lib, q[50:51], dq[50:51], state)
+    _, plain = model.columns(JointMotion(dq[50:51], q[50:51], lib=lib, zeta=state))
     place = ((q[50] - middle) / half)[0]
     names = list(model.terms.columns)
     assert plain[0, 0, names.index("dahl")] == 0.25

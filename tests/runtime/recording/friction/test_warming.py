@@ -145,9 +145,9 @@ def test_predictions_need_the_signal(lib: Library) -> None:
     with pytest.raises(RecordingError, match="needs the signal 'temperature'"):
         Observer(lib, result, rate_hz=200.0)
     model = model_of(result, lib)
-    _, force = model.balance(lib, log.q, log.dq, signals=log.signals)
+    _, force = model.balance(lib, JointMotion(log.dq, log.q, lib=lib, signals=log.signals))
     warmer = {"temperature": log.signals["temperature"] + 1.0}
-    _, other = model.balance(lib, log.q, log.dq, signals=warmer)
+    _, other = model.balance(lib, JointMotion(log.dq, log.q, lib=lib, signals=warmer))
     np.testing.assert_allclose(other - force, -result.phi[:, 3] * log.dq, atol=1e-9)
 
 

@@ -113,46 +113,46 @@ def _root(posterior: posterior_file.SavedPosterior, lib: Library, phi: Array) ->
     return np.hstack([root, np.vstack([np.zeros((len(root) - len(day), len(day))), day])])
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Residual:
+    """What a payload leaves of the torques of N instants."""
+
+    columns: Array  # Y_k, (N, n, 10)
+    errors: Array  # e, (N, n), of the noise times the root of the density
+    noise: Array  # (N, n) or (n,); infinite where a row is left out
+    shape: Array  # C, covariance of π at unit noise, (10, 10)
+    density: float = 1.0
+
+    @property
+    def rows(self) -> Array:
+        """Columns over the noise of their rows; the offsets take the means."""
+        return centred(self.columns, self.noise) / self.noise[..., None]
+
+
 def posterior_covariance(
-    lib: Library,
-    root: Array,
-    samples: Samples,
-    columns: Array,
-    errors: Array,
-    noise: Array,
-    shape: Array,
-    density: float,
+    lib: Library, root: Array, samples: Samples, left: Residual
 ) -> tuple[Array, bool]:
     """Covariance of a payload's π by the posterior of the arm, and whether it expects the residual.
 
-    errors (N, n) have the noise (N, n) times the root of the density; shape is C, (10, 10). Errors
-    of the arm that it does not expect are as large as the residual along each of them.
+    Errors of the arm that it does not expect are as large as the residual along each of them.
     """
 
     def columns_of(part: slice) -> Array:
         rows = samples.rows(part)
         return np.concatenate([rows.base_rows(lib), rows.friction_rows()], axis=2)
 
-    cross, left, slope = _products(columns_of, len(root), columns, errors, noise)
-    power, axes = np.linalg.eigh(root.T @ left @ root)
+    cross, gram, slope = _products(columns_of, len(root), left)
+    power, axes = np.linalg.eigh(root.T @ gram @ root)
     seen = power > _RANK * max(float(power[-1]), 1e-300)
     along = (axes[:, seen].T @ (root.T @ slope)) ** 2 / power[seen]
-    usual = power[seen] + density
-    moved, is_expected = shape @ cross @ root @ axes, bool(along.sum() <= UNEXPECTED * usual.sum())
+    usual, moved = power[seen] + left.density, left.shape @ cross @ root @ axes
+    is_expected = bool(along.sum() <= UNEXPECTED * usual.sum())
     if not is_expected:
         moved[:, seen] *= np.sqrt(np.maximum(along / usual, 1.0))
     return np.asarray(moved @ moved.T), is_expected
 
 
-def arm_covariance(
-    lib: Library,
-    model: ArmModel,
-    run: Recording,
-    columns: Array,
-    noise: Array,
-    errors: Array,
-    payload: Array,
-) -> Array:
+def arm_covariance(lib: Library, model: ArmModel, run: Recording, left: Residual) -> Array:
     """Covariance of a payload's π by the prior of the arm, as wide as the residual makes likely."""
     # R of the arm: block-diagonal root of the prior's spread at its parameters.
     spread = bodies_of(lib).spread(prior_of(lib, model.pi).centre) / np.sqrt(CAD)
@@ -163,20 +163,20 @@ def arm_covariance(
         links = y.reshape(*y.shape[:2], lib.n_links, N_PARAMETERS)
         return np.asarray(np.einsum("ijkl,klm->ijkm", links, spread).reshape(y.shape))
 
-    cross, left, slope = _products(columns_of, lib.n_links * N_PARAMETERS, columns, errors, noise)
-    gain = payload @ cross
+    cross, gram, slope = _products(columns_of, lib.n_links * N_PARAMETERS, left)
+    gain = left.shape @ cross
     # Energy of the residual in the span of the arm's columns, over that of the whole prior: noise
     # enters it by a few dozen of N n equations only.
-    energy = float(slope @ np.linalg.pinv(left, rcond=_RANK, hermitian=True) @ slope)
-    scale = min(1.0, _FEW * energy / max(float(np.trace(left)), 1e-300))
+    energy = float(slope @ np.linalg.pinv(gram, rcond=_RANK, hermitian=True) @ slope)
+    scale = min(1.0, _FEW * energy / max(float(np.trace(gram)), 1e-300))
     return np.asarray(scale * gain @ gain.T)
 
 
 def _products(
-    columns_of: Callable[[slice], Array], width: int, payload: Array, errors: Array, noise: Array
+    columns_of: Callable[[slice], Array], width: int, left: Residual
 ) -> tuple[Array, Array, Array]:
     """Yᵀ W A, Aᵀ W A without what Y and offsets explain, and Aᵀ W e; A by its rows."""
-    rows, noise = over_noise(payload, noise), np.broadcast_to(noise, errors.shape)
+    rows, errors, noise = left.rows, left.errors, np.broadcast_to(left.noise, left.errors.shape)
     mean, cross = np.zeros((errors.shape[1], width)), np.zeros((N_PARAMETERS, width))
     gram, slope = np.zeros((width, width)), np.zeros(width)
     for i in range(0, len(rows), _BLOCK):
@@ -208,31 +208,16 @@ def centred(values: Array, noise: Array) -> Array:
     return np.where(is_used, values - means_of(values, noise), 0.0)
 
 
-def over_noise(columns: Array, noise: Array) -> Array:
-    """Columns (N, n, 10) over the noise of their rows; the offsets take the means."""
-    return centred(columns, noise) / noise[..., None]
+def gain_covariance(left: Residual, torque: Array, expected: float) -> tuple[Array, float]:
+    """Covariance of a payload's π by independent errors of the gains, and their σ, if `expected`.
 
-
-def gain_covariance(
-    columns: Array,
-    torque: Array,
-    errors: Array,
-    noise: Array,
-    shape: Array,
-    density: float,
-    expected: float,
-) -> tuple[Array, float]:
-    """Covariance of a payload's π by independent errors of the torque gains, and their σ.
-
-    errors (N, n) have the noise (N, n) times the root of the density; shape is C, (10, 10), and
-    `expected` the largest relative σ.
+    Torque is that of the gains, (N, n).
     """
-    sizes, axes = np.linalg.eigh(shape)
+    sizes, axes = np.linalg.eigh(left.shape)
     root = axes * np.sqrt(np.maximum(sizes, 0.0))
-    rows = over_noise(columns, noise)
-    varying = centred(torque, noise) / noise
-    taken = root.T @ np.einsum("ijk,ij->kj", rows, varying)
-    moved, sigma = gain_error(taken, varying, errors / noise, density, expected)
+    varying = centred(torque, left.noise) / left.noise
+    taken = root.T @ np.einsum("ijk,ij->kj", left.rows, varying)
+    moved, sigma = gain_error(taken, varying, left.errors / left.noise, left.density, expected)
     moved = root @ moved
     return moved @ moved.T, sigma
 

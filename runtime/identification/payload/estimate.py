@@ -146,11 +146,13 @@ def identify_payload(
     is_used = _is_used(lib, samples)
     solution = _solved(mount, columns, residual, kappa, is_used)
     # Not over the noise: weights that follow the residuals excuse the joints that fit worst.
-    left = float(np.sum(solution.errors**2))
-    whole = float(np.sum(arm_error.centred(residual, solution.fitted) ** 2))
+    left = float(np.sum(solution.left.errors**2))
+    whole = float(np.sum(arm_error.centred(residual, solution.left.noise) ** 2))
     if empty is not None and left > EXCHANGED * whole:
         other = _solved(mount, columns, -residual, kappa, is_used)
-        left, whole = (float(np.sum((s.errors / other.noise) ** 2)) for s in (other, solution))
+        left, whole = (
+            float(np.sum((each.left.errors / other.noise) ** 2)) for each in (other, solution)
+        )
         is_heavy = other.pi[0] > _CERTAIN * np.sqrt(other.covariance[0, 0])
         if is_heavy and left < EXCHANGED * whole:
             raise IdentificationError(
@@ -158,9 +160,9 @@ def identify_payload(
                 f"the payload and '{recording.name}' none; exchange them"
             )
     solution, repeated, gain_error, is_expected = _with_model_error(
-        solution, lib, model, run, samples, columns, is_alone=empty is not None, gains=gain_error
+        solution, lib, model, run, samples, is_alone=empty is not None, gains=gain_error
     )
-    payload = _payload(solution, mount, columns, model, empty is not None, gain_error)
+    payload = _payload(solution, mount, model, empty is not None, gain_error)
     changed = () if is_expected else (CHANGED,)
     notes = (*payload.notes, *changed, _moment_note(mount, solution))
     if repeated is None:
@@ -176,25 +178,18 @@ def identify_payload(
 
 @dataclass(frozen=True, slots=True)
 class _Solution:
-    """Most probable π in the link's frame, with the covariances of prior, white and real noise.
-
-    `shape` is the covariance at unit noise of the rows that the noise `fitted` (N, n) weights,
-    which is infinite where a row is left out.
-    """
+    """Most probable π in the link's frame, with the covariances of prior, white and real noise."""
 
     pi: Array
     prior: Array
     noise: Array
-    errors: Array
     offsets: Array
     white: Array
     covariance: Array
     n_samples: int
     n_effective: float
     converged: bool
-    shape: Array
-    fitted: Array
-    density: float
+    left: arm_error.Residual
 
 
 def _with_model_error(
@@ -203,7 +198,6 @@ def _with_model_error(
     model: arm_error.ArmModel,
     run: Recording,
     samples: Samples,
-    columns: Array,
     *,
     is_alone: bool,
     gains: float,
@@ -213,27 +207,24 @@ def _with_model_error(
     `is_alone`: the run without the payload is subtracted. The last one is whether the posterior of
     the arm expects the residual.
     """
-    noise, extra, repeated = solution.covariance, np.zeros_like(solution.shape), None
-    is_expected = True
-    weights = (solution.errors, solution.fitted, solution.shape, solution.density)
+    noise, extra, repeated = solution.covariance, np.zeros_like(solution.covariance), None
+    is_expected, left = True, solution.left
     if not (is_alone or model.is_exact):
         if model.root is None:
-            level = np.where(np.isfinite(solution.fitted), solution.noise, np.inf)
-            parts = (columns, level, solution.errors, solution.white)
-            extra = arm_error.arm_covariance(lib, model, run, *parts)
+            level = np.where(np.isfinite(left.noise), solution.noise, np.inf)
+            of_arm = replace(left, noise=level, shape=solution.white)
+            extra = arm_error.arm_covariance(lib, model, run, of_arm)
         else:
-            known = model.root, samples, columns, *weights
-            extra, is_expected = arm_error.posterior_covariance(lib, *known)
+            extra, is_expected = arm_error.posterior_covariance(lib, model.root, samples, left)
     # A model by the same sensors has their gains, and takes up what repeats: the rest is news.
     is_alone = is_alone or model.root is not None
     if is_alone:
-        weighted = arm_error.over_noise(columns, solution.fitted)
-        parts = (weighted, solution.errors / solution.fitted, solution.shape, noise)
+        parts = left.rows, left.errors / left.noise, left.shape, noise
         repeated = arm_error.posture_error(run, lib.joint_names, *parts)
-    gains = gains if solution.density > _PERFECT**2 else 0.0  # rounding shows nothing of them
+    gains = gains if left.density > _PERFECT**2 else 0.0  # rounding shows nothing of them
     if gains:
-        torque = columns @ solution.pi if is_alone else run.required("tau")
-        of_gains, gains = arm_error.gain_covariance(columns, torque, *weights, gains)
+        torque = left.columns @ solution.pi if is_alone else run.required("tau")
+        of_gains, gains = arm_error.gain_covariance(left, torque, gains)
         extra = extra + of_gains
     if repeated is not None:
         noise = repeated.widened(noise)
@@ -322,16 +313,13 @@ def _solved(
         pi=pi,
         prior=posterior.prior_root @ posterior.prior_root.T,
         noise=noise,
-        errors=errors,
         offsets=level - means @ pi,
         white=coloured.variance * shape,
         covariance=coloured.density * shape,
         n_samples=n_samples,
         n_effective=n_samples / coloured.inflation,
         converged=minimum.converged,
-        shape=shape,
-        fitted=fitted,
-        density=density,
+        left=arm_error.Residual(columns, errors, fitted, shape, density),
     )
 
 
@@ -367,7 +355,6 @@ def _moment_note(mount: Mount, solution: _Solution) -> str:
 def _payload(
     solution: _Solution,
     mount: Mount,
-    columns: Array,
     model: arm_error.ArmModel,
     differential: bool,
     gain_error: float,
@@ -383,8 +370,8 @@ def _payload(
         for name, sigma, before in zip(NAMES, known.sigma, prior.sigma, strict=True)
         if sigma > _PRIOR_SHARE * before
     )
-    size = float(np.linalg.norm(columns @ solution.pi))
-    share = float(np.linalg.norm(solution.errors)) / max(size, 1e-300)
+    size = float(np.linalg.norm(solution.left.columns @ solution.pi))
+    share = float(np.linalg.norm(solution.left.errors)) / max(size, 1e-300)
     return Payload(
         mount=mount,
         pi=solution.pi,

@@ -9,7 +9,7 @@ from runtime import identify_payload
 from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
 from runtime.identification.payload import arm_error
 from runtime.identification.payload import estimate as module
-from runtime.identification.payload.arm_error import ArmModel, _products, arm_covariance
+from runtime.identification.payload.arm_error import ArmModel, Residual, _products, arm_covariance
 from runtime.identification.payload.body import mount_of
 from runtime.recording import Friction
 
@@ -47,7 +47,7 @@ def test_the_arm_counts_with_what_offsets_and_payload_leave_of_it(ideal_runs, li
     gain = payload @ centred.T @ model
 
     errors = rest.reshape(count, 7) * noise
-    found = arm_covariance(lib, arm, run, columns, noise, errors, payload)
+    found = arm_covariance(lib, arm, run, Residual(columns, errors, noise, payload))
     # The directions next to the bound of rank carry a thousandth of the energy.
     np.testing.assert_allclose(found, scale * gain @ gain.T, rtol=1e-3, atol=1e-9 * scale)
 
@@ -78,7 +78,9 @@ def test_what_the_prior_of_the_payload_leaves_is_no_error_of_the_arm(ideal_runs,
     errors = (columns - columns.mean(axis=0)) @ np.linspace(0.5, 1.0, 10)
     motion = (run.q, run.dq, run.ddq)
     _, left, slope = _products(
-        lambda part: lib.regressor(*(x[part] for x in motion)), 70, columns, errors, np.ones(7)
+        lambda part: lib.regressor(*(x[part] for x in motion)),
+        70,
+        Residual(columns, errors, np.ones(7), np.eye(10)),
     )
     assert np.abs(slope).max() < 1e-8 * np.linalg.norm(errors) * np.sqrt(np.trace(left))
 
@@ -95,7 +97,8 @@ def test_rows_of_infinite_noise_are_left_out_of_every_block(ideal_runs, lib, mon
     def products(rows):
         regressor = lib.regressor(*(each[rows] for each in motion))
         load = regressor[:, :, mount_of(lib).columns]
-        return _products(lambda part: regressor[part], 70, load, errors[rows], noise[rows])
+        left = Residual(load, errors[rows], noise[rows], np.eye(10))
+        return _products(lambda part: regressor[part], 70, left)
 
     alone = products(used)
     monkeypatch.setattr(arm_error, "_BLOCK", 64)

@@ -63,35 +63,34 @@ class GainRows:
         """Number w of directions of the prior."""
         return int(self.slopes.shape[2])
 
+    def torque(self, z: Array) -> Array:
+        """A_j K (π0 + R z) on the triangles, (n, r)."""
+        return np.asarray(self.model + self.slopes @ z)
+
+    def inverse_gains(self, z: Array) -> Array:
+        """c of least squares at π = π0 + R z, (n,) [A/(N·m)]."""
+        model = self.torque(z)
+        both = np.sum(model * self.current, axis=1)
+        return np.asarray(both / np.maximum(np.sum(model**2, axis=1), 1e-300))
+
     def noise(self, z: Array, c: Array) -> Array:
         """Residual RMS of the channels: z (w,), c (n,) [A/(N·m)] → (n,) [A]."""
-        rest = self.current - c[:, None] * (self.model + self.slopes @ z)
+        rest = self.current - c[:, None] * self.torque(z)
         return np.asarray(np.sqrt(np.sum(rest**2, axis=1) / self.count))
 
     def rest(self, z: Array, c: Array, unit: Array) -> Array:
         """Residuals of channels, prior and masses, over their noise, (n r + w + m,)."""
-        current = (self.current - c[:, None] * (self.model + self.slopes @ z)) / unit[:, None]
+        current = (self.current - c[:, None] * self.torque(z)) / unit[:, None]
         return np.concatenate([current.ravel(), -z, self.surplus - self.known @ z])
 
     def jacobian(self, z: Array, c: Array, unit: Array) -> Array:
         """Derivative of the fitted values by (z, ln |c|), over the noise, (·, w + n)."""
         n, r, w = self.slopes.shape
         scale = (c / unit)[:, None]
-        J = np.zeros((n * r + w + len(self.known), w + n))
-        J[: n * r, :w] = (scale[:, :, None] * self.slopes).reshape(n * r, w)
-        along = scale * (self.model + self.slopes @ z)
-        for j in range(n):
-            J[j * r : (j + 1) * r, w + j] = along[j]
-        J[n * r : n * r + w, :w] = np.eye(w)
-        J[n * r + w :, :w] = self.known
-        return J
-
-
-def _slopes(reduced: GainRows, z: Array) -> Array:
-    """c of least squares at π = π0 + R z, (n,)."""
-    model = reduced.model + reduced.slopes @ z
-    both = np.sum(model * reduced.current, axis=1)
-    return np.asarray(both / np.maximum(np.sum(model**2, axis=1), 1e-300))
+        over_z = (scale[:, :, None] * self.slopes).reshape(n * r, w)
+        along = block_diag(*(scale * self.torque(z))[:, :, None])
+        further = np.vstack([np.eye(w), self.known])
+        return np.block([[over_z, along], [further, np.zeros((len(further), n))]])
 
 
 def most_probable(
@@ -109,10 +108,10 @@ def most_probable(
     w = reduced.width
 
     def linearise(z: Array) -> Linearised:
-        c = _slopes(reduced, z)
+        c = reduced.inverse_gains(z)
         unit = reduced.noise(z, c) * np.sqrt(density)
         J, rest = reduced.jacobian(z, c, unit), reduced.rest(z, c, unit)
-        model = reduced.model + reduced.slopes @ z
+        model = reduced.torque(z)
         directions = _directions(reduced, c, unit)
         longer = np.sum(model[:, None] @ reduced.slopes, axis=1)
         pull = (directions / np.maximum(np.sum(model**2, axis=1), 1e-300)) @ longer
@@ -121,7 +120,7 @@ def most_probable(
         free = J - along @ (along.T @ J)
 
         def cost(z: Array) -> float:
-            c = _slopes(reduced, z)
+            c = reduced.inverse_gains(z)
             rest = reduced.rest(z, c, unit)
             return float(rest @ rest / 2 + directions @ np.log(np.maximum(np.abs(c), 1e-300)))
 
@@ -130,7 +129,7 @@ def most_probable(
 
     start = np.zeros(w) if z is None else z
     z = gauss_newton(linearise, start, passes=_PASSES, done=_CLOSE, halvings=_HALVINGS).x
-    return z, _slopes(reduced, z)
+    return z, reduced.inverse_gains(z)
 
 
 def _directions(reduced: GainRows, c: Array, unit: Array) -> Array:
@@ -264,8 +263,8 @@ def channels_of(recording: Recording, lib: Library) -> tuple[Array, tuple[str, .
 def _density(rows: _Channels, beta: Array, c: Array, noise: Array) -> float:
     """Density of the residuals at the frequencies of the unknowns, over their variance."""
     model = rows.base @ beta
-    along = model[:, :, None] * np.eye(len(c))
     n = len(c)
+    along = model[:, :, None] * np.eye(n)
     friction = np.zeros((*model.shape, n, rows.basis.shape[2]))
     friction[:, range(n), range(n)] = rows.basis
     columns = np.concatenate(

@@ -184,10 +184,9 @@ class Identification(Framed):
 
     def predict_test(self) -> Array:
         """τ̂ of the test part by the fit to the training part, (N, n)."""
+        fit = self.trained or self
         samples = samples_of(self.test, self.lib)
-        if self.trained is None:
-            return self.predict_samples(samples)
-        return torque_of(self.lib, samples, self.trained.pi, self.trained.phi, self.learned)
+        return torque_of(self.lib, samples, fit.pi, fit.phi, self.learned)
 
     def before(self, recording: Recording) -> Array:
         """τ̂ of the URDF's parameters without friction, (N, n)."""

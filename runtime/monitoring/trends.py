@@ -159,18 +159,13 @@ def slope_of(x: Array, y: Array, sigma: Array) -> Slope | None:
     """Slope of estimates over x."""
     if len(x) < LEAST_LOGS or not np.ptp(x) > 0:
         return None
-    weight = sigma**-2
-    centre = float(weight @ x / weight.sum())
-    spread = float(weight @ (x - centre) ** 2)
-    value = float(weight @ ((x - centre) * y)) / spread
-    level = float(weight @ y / weight.sum())
-    rest = y - level - value * (x - centre)
-    freedom = len(x) - 2
-    factor = max(1.0, float(weight @ rest**2) / freedom)
-    deviation = np.sqrt(factor / spread)
+    (value, offset), covariance = np.polyfit(x, y, 1, w=1 / sigma, cov="unscaled")
+    rest, freedom = (y - offset - value * x) / sigma, len(x) - 2
+    factor = max(1.0, float(rest @ rest) / freedom)
+    deviation = np.sqrt(factor * covariance[0, 0])
     half = float(stdtrit(freedom, 0.975) * deviation)
     p_value = 2 * float(stdtr(freedom, -abs(value) / deviation))
-    return Slope(value, (value - half, value + half), p_value, level - value * centre)
+    return Slope(float(value), (value - half, value + half), p_value, float(offset))
 
 
 def _day(entry: dict[str, Any]) -> float:

@@ -35,6 +35,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import null_space
 from scipy.spatial.transform import Rotation
 
 from runtime.errors import IdentificationError
@@ -317,9 +318,7 @@ def _null_spaces(jacobian: Array, unknown: Array) -> Array:
         if not chosen.size:
             spaces.append(np.eye(size))
             continue
-        _, sigma, right = np.linalg.svd(chosen)
-        rank = int(np.sum(sigma > RANK * max(float(sigma[0]), 1e-300)))
-        spaces.append(right[rank:].T)
+        spaces.append(null_space(chosen, rcond=RANK))
     widest = max(space.shape[1] for space in spaces)
     out = np.zeros((count, size, widest))
     before = None

@@ -309,20 +309,16 @@ def _scaled(
             rest = np.where(variance < rough**2, torque - usual, np.nan)
             squares[k] += np.nansum(rest**2, axis=0)
             count[k] += np.isfinite(rest).sum(axis=0)
-    scaled = []
-    for sigma, is_direct in zip(
-        np.sqrt(squares / np.maximum(count, 1)), (False, True), strict=True
-    ):
-        fast = np.minimum(detector.noise.fast, sigma)
-        noise = replace(
-            detector.noise,
-            slow=np.sqrt(sigma**2 - fast**2),
-            fast=fast,
-            largest=np.zeros(lib.n_joints),
-        )
+
+    def scaled(sigma: Array, is_direct: bool) -> Detector:
+        fast, still = np.minimum(detector.noise.fast, sigma), np.zeros(lib.n_joints)
+        slow = np.sqrt(sigma**2 - fast**2)
+        noise = replace(detector.noise, slow=slow, fast=fast, largest=still)
         # Residuals of free motion contain the error of the model.
-        scaled.append(replace(detector, noise=noise, is_direct=is_direct, root=None))
-    return scaled[0], scaled[1]
+        return replace(detector, noise=noise, is_direct=is_direct, root=None)
+
+    of_r, of_direct = np.sqrt(squares / np.maximum(count, 1))
+    return scaled(of_r, False), scaled(of_direct, True)
 
 
 def calibrated(detector: Detector, tails: Sequence[Tail]) -> Detector:

@@ -249,8 +249,7 @@ def free_baseline_of(
 ) -> Baseline:
     """Baseline of a result of a free base for logs as `log`, arguments as of `baseline_of`."""
     changes = free_changes_of(lib, saved, log)
-    of_model = OF_COMMANDS if saved.record.torque_source == COMMANDED else 1.0
-    return _baseline(lib, saved, root, np.ones(0), changes, [], references, of_model)
+    return _baseline(lib, saved, root, np.ones(0), changes, [], references)
 
 
 def _baseline(
@@ -261,12 +260,11 @@ def _baseline(
     changes: Changes,
     held_out: list[Scores],
     references: Sequence[WatchedLog],
-    of_model: float = 1.0,
 ) -> Baseline:
-    rows = [_rows(lib, saved, over, changes, each) for each in references]
-    others = [scores_of_rows(each, root) for each in rows]
-    is_doubted = bool(saved.record.doubts)
-    known = _delay_sigma(saved), of_model, is_doubted
+    record = saved.record
+    of_commands = record.is_free and record.torque_source == COMMANDED
+    others = [scores_of_rows(_rows(lib, saved, over, changes, each), root) for each in references]
+    known = _delay_sigma(saved), OF_COMMANDS if of_commands else 1.0, bool(record.doubts)
     usual = usual_of(changes, root.shape[1], held_out, others, *known)
     return Baseline(saved, root, over, changes, usual)
 

@@ -270,12 +270,10 @@ def changing_friction(model: MonitoredModel) -> list[Array]:
 def named_columns(t: Array, tau: Array, friction: Sequence[Array]) -> Array:
     """Torques (N, n, K) of the named changes: tau (N, n) of the model, (N, n) of its friction."""
     count, n = tau.shape
-    named = [-rate_of(t, tau)]
     elapsed = (t - t[0]) / max(float(t[-1] - t[0]), 1e-12) - 0.5
-    for j in range(n):
-        for values in (tau[:, j], np.ones(count), elapsed):
-            named.append(np.zeros((count, n)))
-            named[-1][:, j] = values
+    named = [-rate_of(t, tau)]
+    for values, joint in zip(tau.T, np.eye(n), strict=True):
+        named += [each[:, None] * joint for each in (values, np.ones(count), elapsed)]
     named.append(elapsed[:, None] * np.sum([np.zeros((count, n)), *friction], axis=0))
     return np.stack([*named, *friction], axis=2)
 
@@ -416,24 +414,19 @@ def _most_probable(log_p: Callable[[Array], tuple[float, float]], count: int) ->
     )
 
 
-def _wide(scores: Scores, ranges: Array, count: int) -> Array:
-    """Columns of (u, ε, shapes) in the scores of a log with `count` named columns."""
-    shape = scores.shape * np.repeat(ranges, SHAPES)
-    return np.hstack([scores.columns[:, :count], scores.error, shape])
-
-
-def _of_log(changes: Changes, scores: Scores, scales: Array) -> Array:
-    """Covariance of the scores of a log about what is common to all logs, (r, r)."""
-    named = scores.columns[:, : len(changes.names)] * changes.usual(scales)
+def _common_part(changes: Changes, scores: Scores, scales: Array) -> tuple[Array, Array]:
+    """Columns of (u, ε, shapes) in the scores of a log, and the covariance (r, r) about them."""
+    columns = scores.columns[:, : len(changes.names)]
+    wide = np.hstack([columns, scores.error, scores.shape * np.repeat(changes.ranges, SHAPES)])
+    named = columns * changes.usual(scales)
     posture = scores.error * scales[list(USUAL).index("posture")]
-    return np.asarray(scores.noise + named @ named.T + posture @ posture.T)
+    return wide, np.asarray(scores.noise + named @ named.T + posture @ posture.T)
 
 
 def expected(changes: Changes, usual: Usual, scores: Scores) -> tuple[Array, Array]:
     """Mean (r,) and covariance (r, r) of the scores of a further log of a healthy robot."""
-    wide = _wide(scores, changes.ranges, len(changes.names))
-    spread = _of_log(changes, scores, usual.scales) + wide @ usual.covariance @ wide.T
-    return wide @ usual.mean, spread
+    wide, of_log = _common_part(changes, scores, usual.scales)
+    return wide @ usual.mean, of_log + wide @ usual.covariance @ wide.T
 
 
 def _common(
@@ -449,9 +442,9 @@ def _common(
     before = np.concatenate([first, *sizes]) ** 2
     mean, covariance, log_p, squares = np.zeros(len(before)), np.diag(before), 0.0, 0.0
     for each in logs:
-        wide = _wide(each, changes.ranges, len(changes.names))
+        wide, of_log = _common_part(changes, each, scales)
         across = covariance @ wide.T
-        factor = cho_factor(_of_log(changes, each, scales) + wide @ across, lower=True)
+        factor = cho_factor(of_log + wide @ across, lower=True)
         rest = each.z - wide @ mean
         solved = cho_solve(factor, rest)
         squares += float(rest @ solved)

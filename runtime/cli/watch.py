@@ -85,8 +85,8 @@ def watch_command(given: WatchSettings) -> None:
         for log, run in runs
     ]
     later = [log if run is None else _of_run(saved, lib, given, log, run) for log, run in runs]
-    logs = watch.watched(given.result, saved, lib, later, given.references or (), given.recipe)
-    verdicts = logs.verdicts()
+    known = saved, lib, later, given.references or (), given.recipe
+    verdicts, joints = watch.watched(given.result, *known)
     entries = [_facts(verdict) for verdict in verdicts]
     if given.history is not None:
         file = given.result / "result.json" if given.result.is_dir() else given.result
@@ -100,7 +100,7 @@ def watch_command(given: WatchSettings) -> None:
             [
                 check | {"log_sha256": dict(log.source)} | each | facts | {"sizes": _sizes(verdict)}
                 for log, each, facts, verdict in zip(
-                    logs.joints, circumstances, entries, verdicts, strict=True
+                    joints, circumstances, entries, verdicts, strict=True
                 )
             ],
         )

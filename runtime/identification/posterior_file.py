@@ -65,9 +65,8 @@ class SavedPosterior:
     def root(self, lib: Library) -> Array:
         """Root of the covariance of [β; φ], (n_b + n k, columns)."""
         _, system = self.reduced(lib)
-        over_pi = self.pi_root
-        phi = np.hstack([self.phi_over(system), self.phi_root(system)])
-        beta = self.information.statistics.base_matrix @ over_pi
+        phi = self.phi_rows(system)
+        beta = self.information.statistics.base_matrix @ self.pi_root
         beta = np.hstack([beta, np.zeros((len(beta), phi.shape[1] - beta.shape[1]))])
         return np.vstack([beta, self.usual(phi)])
 
@@ -78,6 +77,10 @@ class SavedPosterior:
             first = len(self.pi_root)
             moved[:, first : first + self.phi_nuisance.shape[1]] += self.phi_nuisance
         return moved
+
+    def phi_rows(self, system: Elimination) -> Array:
+        """Root of the covariance of φ, by π and at known π, (n k, columns)."""
+        return np.hstack([self.phi_over(system), self.phi_root(system)])
 
     def phi_root(self, system: Elimination) -> Array:
         """Root √S U⁻¹ of the covariance of φ at known π, one row per friction coefficient."""
@@ -151,7 +154,7 @@ def friction_root(result: Identification) -> Array | None:
     if system.lengths.size != result.phi.size:
         return None
     difference = result.phi.ravel() - system.phi(result.pi)
-    root = np.column_stack([posterior.phi_over(system), posterior.phi_root(system), difference])
+    root = np.column_stack([posterior.phi_rows(system), difference])
     statistics = posterior.information.statistics
     columns = statistics.factor[:, statistics.n_base :]
     root[~determined(columns)] = np.nan

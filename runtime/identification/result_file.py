@@ -345,12 +345,19 @@ def write_result(
     if not isinstance(folder, str | PathLike):
         raise IdentificationError(f"expected the folder of a result, got {folder!r:.60}")
     folder = Path(folder)
-    require_size(np.concatenate([result.pi, np.ravel(result.usual_phi)]))
+    largest = float(np.abs([*result.pi, *np.ravel(result.usual_phi)]).max())
+    if not largest < saved_result.LARGEST_VALUE:  # which no reader would accept
+        raise IdentificationError(
+            f"expected parameters and friction coefficients below {saved_result.LARGEST_VALUE:g} "
+            f"in SI units, got {largest:.3g}, so nothing was written; leave out friction columns "
+            "that the motion does not excite, or use a method with a prior (map)"
+        )
     if isinstance(result, Identification):
         record, rows = record_of(result, command), statistics_file.predictions_of(result)
         posterior = posterior_file.posterior_of_result(result)
     else:
-        record, posterior = result.record_by(command), result.written_posterior
+        record, posterior = result.record, result.written_posterior
+        record = record.replace(provenance=record.provenance.replace(command=command))
         rows = result.predictions | {"row_marks": result.row_marks}
     if posterior is not None:
         write_arrays(folder / posterior_file.FILE, posterior)
@@ -358,17 +365,6 @@ def write_result(
         np.savez(content, **rows)  # noise does not compress
     write_json(folder / "result.json", msgspec.to_builtins(record))
     return record
-
-
-def require_size(values: Array) -> None:
-    """Refuse parameters that no reader would accept."""
-    largest = float(np.abs(values).max())
-    if not largest < saved_result.LARGEST_VALUE:
-        raise IdentificationError(
-            f"expected parameters and friction coefficients below {saved_result.LARGEST_VALUE:g} "
-            f"in SI units, got {largest:.3g}, so nothing was written; leave out friction columns "
-            "that the motion does not excite, or use a method with a prior (map)"
-        )
 
 
 def provenance_of(

@@ -7,7 +7,7 @@ of a healthy robot is that of logs of reference, and is assumed without them.
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -35,29 +35,6 @@ __all__ = ["watch"]
 KNOWN = 0.5  # share of rows of the model or of a reference log from which a log is no later one
 AnyLog = str | PathLike[str] | Recording | FreeBaseRecording
 """A file, or its log as it was read."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Watched:
-    """Logs as they are tested, their joints and those of the logs of reference as read."""
-
-    lib: Library
-    saved: SavedResult
-    baseline: drift.Baseline
-    logs: Sequence[drift.WatchedLog]
-    joints: list[Recording]
-    days: list[Recording]
-
-    def verdicts(self) -> list[drift.Verdict]:
-        """Whether each log is that of the robot of the result."""
-        marks = [row_marks(day) for day in self.days]
-        verdicts = []
-        for log, joints in zip(self.logs, self.joints, strict=True):
-            hashes = row_hashes(joints)
-            shares = [share_of_rows(each, hashes) for each in marks]
-            is_known = max(self.saved.fitted_share(joints), *shares, 0.0) > KNOWN
-            verdicts.append(drift.verdict_of(self.lib, self.baseline, log, is_known))
-        return verdicts
 
 
 @one_blas_thread
@@ -91,7 +68,7 @@ def watch(
         saved, lib, _ = opened(folder, lib)
         if not (later := _each(logs)):
             raise RecordingError("expected a log or several, got none; give a later log")
-        return watched(folder, saved, lib, later, _each(references), recipe).verdicts()
+        return watched(folder, saved, lib, later, _each(references), recipe)[0]
 
 
 def watched(
@@ -101,21 +78,30 @@ def watched(
     logs: Sequence[AnyLog],
     references: Sequence[AnyLog] = (),
     recipe: str | None = None,
-) -> Watched:
-    """Logs of a result in its folder, with what a healthy robot leaves."""
+) -> tuple[list[drift.Verdict], list[Recording]]:
+    """Whether each log is that of the robot of a result in its folder, and its joints as read."""
     root = read_posterior(folder, saved, lib).of_readings().root(lib)
+    tested: list[drift.WatchedLog]
     if saved.record.is_free:
         walks, others = ([_walk(log, recipe) for log in each] for each in (logs, references))
         baseline = drift.free_baseline_of(lib, saved, root, walks[0], others)
         joints, healthy = ([log.joints for log in each] for each in (walks, others))
-        return Watched(lib, saved, baseline, walks, joints, healthy)
-    model = model_of(saved, lib)
-    sigma = np.sqrt(np.mean(read_held_out(folder, model).rest ** 2, axis=0))
-    joints, healthy = (_joint_logs(saved, lib, each, recipe) for each in (logs, references))
-    tested, days = ([_prepared(lib, saved, log) for log in each] for each in (joints, healthy))
-    rows = read_test_rows(folder, model)
-    baseline = drift.baseline_of(lib, saved, root, sigma, rows, days)
-    return Watched(lib, saved, baseline, tested, joints, healthy)
+        tested = [*walks]
+    else:
+        model = model_of(saved, lib)
+        sigma = np.sqrt(np.mean(read_held_out(folder, model).rest ** 2, axis=0))
+        joints, healthy = (_joint_logs(saved, lib, each, recipe) for each in (logs, references))
+        tested = [_prepared(lib, saved, log) for log in joints]
+        days = [_prepared(lib, saved, log) for log in healthy]
+        rows = read_test_rows(folder, model)
+        baseline = drift.baseline_of(lib, saved, root, sigma, rows, days)
+    marks, verdicts = [row_marks(day) for day in healthy], []
+    for log, seen in zip(tested, joints, strict=True):
+        hashes = row_hashes(seen)
+        shares = [share_of_rows(each, hashes) for each in marks]
+        is_known = max(saved.fitted_share(seen), *shares, 0.0) > KNOWN
+        verdicts.append(drift.verdict_of(lib, baseline, log, is_known))
+    return verdicts, joints
 
 
 def _joint_logs(

@@ -89,7 +89,7 @@ class Evidence:
     def phi_root(self) -> Array:
         """Root of the covariance of φ; NaN where the data do not determine it."""
         eliminated, posterior = self.now[2], self.posterior
-        root = np.hstack([posterior.phi_over(eliminated), posterior.phi_root(eliminated)])
+        root = posterior.phi_rows(eliminated)
         root[eliminated.undetermined] = np.nan
         return root
 
@@ -130,10 +130,6 @@ class FreeBaseIdentification(SavedResult):
         of_friction = marginal(known.statistics, self.evidence.of_drives)
         known = replace(known, statistics=of_friction)
         return replace(self.posterior, information=known, phi_nuisance=None)
-
-    def record_by(self, command: str) -> schema.ResultRecord:
-        """The record with the command that made it."""
-        return self.record.replace(provenance=self.record.provenance.replace(command=command))
 
 
 def statistics_of_walk(result: FreeBaseIdentification, unit: str) -> UnitStatistics:

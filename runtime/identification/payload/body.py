@@ -153,18 +153,13 @@ def mount_of(lib: Library, link: str | None = None) -> Mount:
     on_tip = carrier == facts.link
     rotation = np.array(facts.rotation) if on_tip else np.eye(3)
     translation = np.array(facts.translation) if on_tip else np.zeros(3)
-    bodies = bodies_of(lib)
-    to_frame = _congruence(bodies, rotation, translation)
-    frame = tip if on_tip else carrier
-    return Mount(carrier, index, frame, rotation, translation, to_frame, bodies)
-
-
-def _congruence(bodies: Bodies, rotation: Array, translation: Array) -> Array:
-    """Matrix of π ↦ π' with P(π') = X⁻¹ P(π) X⁻ᵀ, (10, 10), column by column of the basis."""
-    pose = np.eye(4)
+    pose, bodies = np.eye(4), bodies_of(lib)
     pose[:3, :3], pose[:3, 3] = rotation, translation
     back = np.linalg.inv(pose)
-    return bodies.pi_of(back @ bodies.basis @ back.T).T
+    # π ↦ π' with P(π') = X⁻¹ P(π) X⁻ᵀ, column by column of the basis.
+    to_frame = bodies.pi_of(back @ bodies.basis @ back.T).T
+    frame = tip if on_tip else carrier
+    return Mount(carrier, index, frame, rotation, translation, to_frame, bodies)
 
 
 @dataclass(frozen=True, slots=True)

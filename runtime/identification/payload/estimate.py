@@ -143,7 +143,9 @@ def identify_payload(
                 f"'{empty.name}' and '{recording.name}' hold the same rows; give one run without "
                 "and one with the payload"
             )
-    is_used = _is_used(lib, samples)
+    # A row counts for a joint that moves, or does so in too few rows, (N, n).
+    moves = np.abs(samples.dq) >= rest_speeds(lib)
+    is_used = np.asarray(moves | (moves.sum(axis=0) < FEWEST_ROWS))
     solution = _solved(mount, columns, residual, kappa, is_used)
     # Not over the noise: weights that follow the residuals excuse the joints that fit worst.
     left = float(np.sum(solution.left.errors**2))
@@ -253,12 +255,6 @@ def _rows(
         for i in range(0, len(s), _BLOCK)
     ]
     return prepared, s, residual, np.concatenate(columns)
-
-
-def _is_used(lib: Library, samples: Samples) -> Mask:
-    """Whether a row counts for a joint, (N, n): it moves, or does so in too few rows."""
-    moves = np.abs(samples.dq) >= rest_speeds(lib)
-    return np.asarray(moves | (moves.sum(axis=0) < FEWEST_ROWS))
 
 
 def _solved(

@@ -324,8 +324,7 @@ def with_current_gains(
     if not recording.has_unknown_gains:
         return recording
     unit = of_gain_one(recording)
-    shares = split or (unit.recipe.split if unit.recipe else None)
-    seen = before_test(unit, shares)
+    seen = before_test(unit, split or (unit.recipe.split if unit.recipe else None))
     return scaled(recording, current_gains(seen, lib, preparation=preparation))
 
 
@@ -334,8 +333,7 @@ def of_gain_one(recording: Recording) -> Recording:
     recipe = recording.recipe
     if recipe is None or recipe.torque is None or not recording.has_unknown_gains:
         return recording
-    torque = replace(recipe.torque, gain=1.0)
-    return recording.replace(recipe=recipe.replace(torque=torque))
+    return recording.replace(recipe=recipe.replace(torque=replace(recipe.torque, gain=1.0)))
 
 
 def in_torque(recording: Recording, lib: Library, settings: Settings) -> tuple[Recording, Settings]:

@@ -82,8 +82,7 @@ def position_errors(
     late = _delay(saved, prepared, n)
     moved = np.stack([np.interp(t - d, t, c) for d, c in zip(late, command.T, strict=True)], axis=1)
     columns = saved.friction.columns
-    constant = [COLUMNS[name].is_constant for name in columns]
-    offset = saved.phi[:, constant].sum(axis=1)
+    offset = saved.phi[:, [COLUMNS[name].is_constant for name in columns]].sum(axis=1)
     parts = saved.record.drive
     zero = np.array([part.encoder_bias or 0.0 for part in parts]) if parts else np.zeros(n)
     # Dry friction holds a joint that rests in the first rows.
@@ -370,7 +369,6 @@ def evaluate(
         name = log.name if isinstance(log, Recording) else log
         notes.insert(0, WORSE.format(percent.after_overall, name))
     positions, unlike = position_errors(saved, lib, recording, prepared)
-    rotor = drive_term(saved, "armature")
     return Evaluation(
         robot=lib.name,
         method=saved.record.method,
@@ -378,7 +376,7 @@ def evaluate(
         units=saved.record.units,
         torque_error_percent=percent,
         torque_rms=rms,
-        mass_matrix=audit_mass(lib, saved.pi, rotor),
+        mass_matrix=audit_mass(lib, saved.pi, drive_term(saved, "armature")),
         fitted_share=fitted,
         position_errors=positions,
         notes=(*notes, *unlike),

@@ -185,8 +185,7 @@ class Identification(Framed):
     def predict_test(self) -> Array:
         """τ̂ of the test part by the fit to the training part, (N, n)."""
         fit = self.trained or self
-        samples = samples_of(self.test, self.lib)
-        return torque_of(self.lib, samples, fit.pi, fit.phi, self.learned)
+        return torque_of(self.lib, samples_of(self.test, self.lib), fit.pi, fit.phi, self.learned)
 
     def before(self, recording: Recording) -> Array:
         """τ̂ of the URDF's parameters without friction, (N, n)."""

@@ -272,8 +272,7 @@ def _prepared_logs(
     if len(named) == 1 and (settings.delay is not None or settings.encoder_bias):
         # The result states Coulomb friction per drive.
         usable = without_memory(usable)
-    of_first = _of(named[0], settings)
-    first = prepared_log(named[0].recording, lib, of_first, usable, progress)
+    first = prepared_log(named[0].recording, lib, _of(named[0], settings), usable, progress)
     rest = settings
     if settings.regressor == AUTO:
         rest = replace(rest, regressor=first.steps.regressor)
@@ -366,8 +365,7 @@ def with_drives(data: Sequence[PreparedLog], lib: Library, settings: Settings) -
     if is_named or terms is None or first.preparation is None or not first.is_commanded:
         return ready
     seen = [(before_test(log.recording, log.split), log.steps) for log in ready if log.is_commanded]
-    late = settings.delay in {AUTO, PER_JOINT}
-    terms, sentence = with_dry_friction(seen, lib, terms, late)
+    terms, sentence = with_dry_friction(seen, lib, terms, settings.delay in {AUTO, PER_JOINT})
     notes = (*first.notes, sentence) if sentence else first.notes
     return [replace(first, friction=terms, notes=notes), *ready[1:]]
 

@@ -65,8 +65,7 @@ def identify_friction(
         )
     chosen = replace(settings or Settings(), friction=saved.friction)
     assembly = assemble(recording, lib, chosen, is_joined=True)
-    problem = assembly.problem
-    if problem.train.equations < lib.n_joints:
+    if assembly.problem.train.equations < lib.n_joints:
         raise IdentificationError(
             "expected rows of every joint, got rows of power, which mix the friction of all "
             "joints; prepare the log with the regressor acceleration or momentum"
@@ -120,5 +119,4 @@ def _fitted(problem: Problem, saved: SavedResult) -> tuple[Fit, Array]:
     lam = None
     with suppress(NotRealisableError):
         lam = lib.lam_from_pi(saved.pi)
-    fit = Fit(saved.pi, phi, lam, STATUS, notes=notes, weights=weights, statistics=data)
-    return fit, sigma
+    return Fit(saved.pi, phi, lam, STATUS, notes=notes, weights=weights, statistics=data), sigma

@@ -357,8 +357,7 @@ def assemble_streamed(
     """Assemble the problem of a log that stays in its file."""
     chosen = fit_settings.bare_settings(settings, keywords)
     fit_settings.require_default(chosen, WHOLE_ONLY, "a streamed log")
-    method = chosen_method(chosen.method, chosen.preset, chosen.prior)
-    require_streamable(method, chosen.preset)
+    require_streamable(chosen_method(chosen.method, chosen.preset, chosen.prior), chosen.preset)
     recipe = log.recipe
     preparation = chosen.preparation or (recipe.preparation if recipe else Preparation())
     if preparation.regressor == "energy":
@@ -399,8 +398,7 @@ def assemble_streamed(
 
     def finish(result: Identification, _: FitOfAssembly) -> Identification:
         pieces = (samples_of(part, lib) for part in assembly.recordings("test"))
-        errors = torque_errors(result, pieces)
-        streamed = WholeLog(counts, spans, errors)
+        streamed = WholeLog(counts, spans, torque_errors(result, pieces))
         return replace(result, streamed=streamed, notes=(*result.notes, note))
 
     return replace(assembly, source_note=note, finish=finish)
@@ -429,5 +427,4 @@ def _windows(blocks: Blocks, name: str) -> Recording:
         return None if values[0] is None else np.concatenate(values)
 
     signals = {key: joined(key) for key in ("t", *ARRAYS)}
-    whole = head.replace(**signals, signals={}, name=f"{head.name}/{name}")
-    return whole.noted(sentence)
+    return head.replace(**signals, signals={}, name=f"{head.name}/{name}").noted(sentence)

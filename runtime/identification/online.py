@@ -140,8 +140,7 @@ class OnlineEstimator:
         s = self._samples(q, dq, ddq, tau, columns)
         latest, done = None, 0
         while done < len(s):
-            part = slice(done, done + self._every - self._fresh)
-            taken = s.rows(part)
+            taken = s.rows(slice(done, done + self._every - self._fresh))
             self._absorb(taken)
             done += len(taken)
             self._fresh += len(taken)
@@ -162,8 +161,7 @@ class OnlineEstimator:
         gamma = self._kappa * max(data.variance, PERFECT * size) / self._count
         if not gamma > 0:
             return self._estimate_of(np.zeros((lib.n_joints, self._columns)), 0.0, 0, False)
-        problem = convex_problem(data, self._prior, gamma)
-        self._pi, steps, converged = self._newton(problem)
+        self._pi, steps, converged = self._newton(convex_problem(data, self._prior, gamma))
         phi = eliminated.phi(self._pi).reshape(lib.n_joints, self._columns)
         return self._estimate_of(phi, data.variance, steps, converged)
 

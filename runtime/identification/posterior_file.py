@@ -113,8 +113,7 @@ def read_posterior(result: Path, saved: SavedResult, lib: Library) -> SavedPoste
         "identify again with this version and a method that states uncertainties",
         f"'{path}' is damaged or holds no posterior; identify again",
     ):
-        file = open_npz(bytes_of(path), path.name)
-        stored = record_from_arrays(SavedPosterior, file, path.name)
+        stored = record_from_arrays(SavedPosterior, open_npz(bytes_of(path), path.name), path.name)
     if not np.array_equal(stored.pi, saved.pi):
         raise IdentificationError(
             f"'{path}' belongs to another result.json than the one beside it; identify again"
@@ -156,8 +155,7 @@ def friction_root(result: Identification) -> Array | None:
     difference = result.phi.ravel() - system.phi(result.pi)
     root = np.column_stack([posterior.phi_rows(system), difference])
     statistics = posterior.information.statistics
-    columns = statistics.factor[:, statistics.n_base :]
-    root[~determined(columns)] = np.nan
+    root[~determined(statistics.factor[:, statistics.n_base :])] = np.nan
     root = posterior.usual(root)
     # At the bound 0 of friction that cannot drive a joint.
     bounded = names_where(lambda column: column.is_nonnegative)

@@ -200,8 +200,7 @@ def filter_for_accelerations(
 
     A chosen cut-off is lowered to harmless noise of accelerations; a note states other noise.
     """
-    wanted = Settings(cutoff=cutoff, rate=rate)
-    prepared, notes, _ = chosen_filter(recording, lib, wanted)
+    prepared, notes, _ = chosen_filter(recording, lib, Settings(cutoff=cutoff, rate=rate))
     quality = differentiation_of(recording, lib, prepared) if prepared and notes else None
     if prepared is not None and quality is not None:
         if not quality.is_noisy:

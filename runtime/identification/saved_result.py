@@ -210,8 +210,7 @@ def read_record(path: Path) -> ResultRecord:
             raise ValueError(f"a number above {LARGEST_ACCEPTED:g}")
         record = record_from_table(ResultRecord, facts, "", ValueError, allows_infinite=True)
         names, units = record.rows_of_errors
-        sizes = {"n": len(record.joints), "L": len(record.links), "r": len(names)}
-        _require_shapes(record, sizes)
+        _require_shapes(record, {"n": len(record.joints), "L": len(record.links), "r": len(names)})
         if len(units) != len(names):
             raise ValueError(f"error_units expects {len(names)} texts, got {len(units)}")
         for link in record.links:

@@ -83,8 +83,7 @@ def reduced(blocks: Iterable[Array]) -> Array:
     pending = iter(blocks)
     triangle = np.asarray(np.linalg.qr(next(pending), mode="r"))
     for block in pending:
-        rows = np.concatenate([triangle, block], axis=1)
-        triangle = np.asarray(np.linalg.qr(rows, mode="r"))
+        triangle = np.asarray(np.linalg.qr(np.concatenate([triangle, block], axis=1), mode="r"))
     return triangle
 
 

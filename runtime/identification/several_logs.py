@@ -325,8 +325,7 @@ def _prepared(
     data = prepare(bare, preparation, terms, lib=lib)
     if log.carried is None:
         return data
-    samples = samples_of(data, lib)
-    extra = samples.rigid(lib, log.carried)
+    extra = samples_of(data, lib).rigid(lib, log.carried)
     total = mass(links(log.carried)).sum()
     return data.replace(tau=data.required("tau") - extra).noted(
         f"Subtracted the torque of a known payload of {total:.4g} kg from the measured one."

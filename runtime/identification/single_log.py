@@ -151,8 +151,7 @@ def identify_recording(
     Keywords alone fit the training part only (`refit` False), as a Monte Carlo study needs it.
     """
     chosen = settings_for(lib, bare_settings(settings, keywords))
-    method = chosen_method(chosen.method, chosen.preset, chosen.prior)
-    joins = not METHODS[method].uses_validation
+    joins = not METHODS[chosen_method(chosen.method, chosen.preset, chosen.prior)].uses_validation
     assembly = assembly_of(log, lib, chosen, progress_of(progress), joins)
     result = identify_assembled(assembly, chosen)
     if assembly.finish is None:
@@ -254,8 +253,7 @@ def _refitted(
     """The result of `trained` rows with the parameters of a fit to all rows."""
     fit = fitted(whole.problem)
     is_complete = fit.status != Status.INTERRUPTED.value
-    rows = rows_of(whole.problem, fit)
-    note = refit_note(rows, trained, "errors, loss and gap", is_complete)
+    note = refit_note(rows_of(whole.problem, fit), trained, "errors, loss and gap", is_complete)
     if not is_complete:
         return replace(result, notes=(*result.notes, note))
     posterior = None
@@ -338,8 +336,7 @@ def with_all_rows(assembly: Assembly) -> Assembly:
     problem = assembly.problem
     test = samples_of(assembly.parts[2], problem.lib)
     rest = (test,) if assembly.is_joined else (problem.validation, test)
-    rows = Samples.joined((problem.train, *rest))
-    whole = replace(problem, train=rows, terms=assembly.friction)
+    whole = replace(problem, train=Samples.joined((problem.train, *rest)), terms=assembly.friction)
     pieces = problem.pieces
     if pieces is not None:  # a streamed log: `rows` are those of its windows
         names = ("train", "test") if assembly.is_joined else ("train", "validation", "test")

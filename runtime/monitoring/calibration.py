@@ -236,8 +236,7 @@ def on_other_days(
     """
     changed = []
     for log in logs:
-        motion = motion_of(log, model.terms.columns, lib)
-        parts = model.session_features(motion)[:, :, 1:]
+        parts = model.session_features(motion_of(log, model.terms.columns, lib))[:, :, 1:]
         place = (log.t - log.t[0]) / DAY_S
         first = place.astype(int)
         draws = LARGE_DAY * rng.normal(size=(first[-1] + 2, *parts.shape[1:]))
@@ -267,8 +266,7 @@ def calibrated_on(
         extra.append(seen[id(plain)].extra.mean(axis=0))
         for (each, share), kept in zip(ways, peaks, strict=True):
             start = [[0.0], [seconds]]
-            values = seen[id(each)].normalised(share).T
-            kept.append([peaks_of(s, rate_hz) + start for s in values])
+            kept.append([peaks_of(s, rate_hz) + start for s in seen[id(each)].normalised(share).T])
         seconds += float(np.isfinite(torques[0][:, 0]).sum() / rate_hz)
     for (each, share), kept in zip(ways, peaks, strict=True):
         by_joint = [np.hstack(parts) for parts in zip(*kept, strict=True)]
@@ -312,8 +310,7 @@ def _scaled(
 
     def scaled(sigma: Array, is_direct: bool) -> Detector:
         fast, still = np.minimum(detector.noise.fast, sigma), np.zeros(lib.n_joints)
-        slow = np.sqrt(sigma**2 - fast**2)
-        noise = replace(detector.noise, slow=slow, fast=fast, largest=still)
+        noise = replace(detector.noise, slow=np.sqrt(sigma**2 - fast**2), fast=fast, largest=still)
         # Residuals of free motion contain the error of the model.
         return replace(detector, noise=noise, is_direct=is_direct, root=None)
 
@@ -324,8 +321,7 @@ def _scaled(
 def calibrated(detector: Detector, tails: Sequence[Tail]) -> Detector:
     """The detector with levels from the tails of free motion."""
     noise = replace(detector.noise, largest=np.zeros(len(tails)))
-    levels = levels_of(tails, detector.rate.per_second)
-    return replace(detector, levels=levels, noise=noise)
+    return replace(detector, levels=levels_of(tails, detector.rate.per_second), noise=noise)
 
 
 @dataclass(frozen=True, slots=True)

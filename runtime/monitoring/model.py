@@ -71,10 +71,9 @@ class MonitoredModel:
         sign = np.tanh(motion.dq / self.terms.coulomb_speed)
         rotors, columns = self.columns(replace(motion, zeta=sign))
         spread_p = spread(rotors, self.coupling)
-        spread_s = spread(columns, self.coupling)
         return (
             np.concatenate([over_p, spread_p], axis=2),
-            np.concatenate([over_s, -spread_s], axis=2),
+            np.concatenate([over_s, -spread(columns, self.coupling)], axis=2),
         )
 
     def columns(self, motion: JointMotion) -> tuple[Array, Array]:
@@ -143,10 +142,9 @@ def model_of(identified: AnyModel, lib: Library) -> MonitoredModel:
         phi = identified.usual_phi
     else:
         preparation, phi = identified.preparation, identified.phi
-    terms = identified.friction if phi.size else Friction(())
     return MonitoredModel(
         beta=lib.base_matrix @ identified.pi,
-        terms=terms,
+        terms=identified.friction if phi.size else Friction(()),
         phi=phi.reshape(lib.n_joints, -1),
         preparation=preparation,
     )

@@ -77,8 +77,7 @@ class _Density:
     def energy(self, z: Array) -> Array:
         """U of every chain, (N,); infinite where a link is not consistent."""
         pi = self.pi(z)
-        P = self.bodies.pseudo_inertia(pi.ravel())
-        values = np.linalg.eigvalsh(P)
+        values = np.linalg.eigvalsh(self.bodies.pseudo_inertia(pi.ravel()))
         inside = (values[:, 0] > 0).reshape(len(z), -1).all(axis=1)
         log_det = np.log(np.maximum(values, 1e-300)).sum(axis=1).reshape(len(z), -1).sum(axis=1)
         misfit = pi @ self.rows.T - self.target
@@ -153,8 +152,7 @@ def _density(lib: Library, posterior: SavedPosterior, data: Reduced) -> _Density
 
 def _chains(density: _Density, count: int, rng: np.random.Generator) -> tuple[Array, float, float]:
     """Last state of every chain, share of accepted trajectories, correlation over half of them."""
-    size = density.mode.size
-    z = START * rng.standard_normal((count, size))
+    z = START * rng.standard_normal((count, density.mode.size))
     energy = density.energy(z)
     while not np.isfinite(energy).all():  # half as far until all bodies exist
         outside = ~np.isfinite(energy)

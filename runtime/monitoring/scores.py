@@ -208,8 +208,7 @@ def changed_rows(
     count, n = samples.tau.shape
     base = samples.base_rows(lib)
     tau = torque_of(lib, samples, pi, model.phi)
-    changing = changing_friction(model)
-    named = named_columns(t, tau, [samples.friction(phi) for phi in changing])
+    named = named_columns(t, tau, [samples.friction(phi) for phi in changing_friction(model)])
     columns = np.concatenate([named, base], axis=2) * over[:, None]
     known = np.concatenate([base, samples.friction_rows()], axis=2) * over[:, None]
     dry = np.where(model.dry_friction > 0, model.dry_friction, DRY * ranges) * over
@@ -387,8 +386,7 @@ def usual_of(
     else:
 
         def log_p(step: Array) -> tuple[float, float]:
-            scaled = default * np.exp(DOUBT * step)
-            return _common(changes, errors, logs, scaled, delay_sigma)[2:]
+            return _common(changes, errors, logs, default * np.exp(DOUBT * step), delay_sigma)[2:]
 
         scales = default * np.exp(DOUBT * _most_probable(log_p, len(default)))
     mean, covariance = _common(changes, errors, logs, scales, delay_sigma)[:2]

@@ -93,8 +93,7 @@ def watched(
         joints, healthy = (_joint_logs(saved, lib, each, recipe) for each in (logs, references))
         tested = [_prepared(lib, saved, log) for log in joints]
         days = [_prepared(lib, saved, log) for log in healthy]
-        rows = read_test_rows(folder, model)
-        baseline = drift.baseline_of(lib, saved, root, sigma, rows, days)
+        baseline = drift.baseline_of(lib, saved, root, sigma, read_test_rows(folder, model), days)
     marks, verdicts = [row_marks(day) for day in healthy], []
     for log, seen in zip(tested, joints, strict=True):
         hashes = row_hashes(seen)

@@ -218,8 +218,7 @@ def _figures(
     smallest = result.relative_eigenvalues
     wrong = None
     if truth is not None:
-        distance = np.linalg.norm(result.beta - truth.beta) / np.linalg.norm(truth.beta)
-        wrong = 100 * float(distance)
+        wrong = 100 * float(np.linalg.norm(result.beta - truth.beta) / np.linalg.norm(truth.beta))
     gap = (loss(training.power) - optimum) / max(optimum, TINY * loss(training.total))
     return Figures(
         train_percent=shown.error.overall,

@@ -131,14 +131,13 @@ def expected_of_root(lib: Library, pi: Array, root: Array, share: Array, rows: A
     over_base = rows[:, list(lib.base_columns)]
     base = covariance(over_base.T @ over_base)  # None where rows are rank deficient to rounding
     base_map = np.linalg.norm(lib.base_matrix @ root, axis=1)
-    com = com_sigma(root, pi)
     return Expected(
         base=None if base is None else np.sqrt(np.diag(base)),
         base_map=base_map,
         relative=base_map / sizes(lib, information(lib)),
         pi=np.linalg.norm(root, axis=1),
         share=share,
-        com=np.array([each for each in com if each is not None]),
+        com=np.array([each for each in com_sigma(root, pi) if each is not None]),
         root=root,
     )
 

@@ -129,8 +129,7 @@ def noise_of(lib: Library, moved: MotionSamples, kappa: float = CAD) -> Noise | 
     scale = np.sqrt(max(noise.density, np.finfo(float).tiny))
     reference, _ = vague_posterior(lib, prior_of(lib), data.factor / scale, data.target / scale)
     sigma = np.sqrt(noise.variance / row_weights)
-    error = fit.pi - reference
-    return Noise(sigma, noise.inflation * repeated, fit.pi, error, rest, repeated)
+    return Noise(sigma, noise.inflation * repeated, fit.pi, fit.pi - reference, rest, repeated)
 
 
 def repetition(q: Array, rest: Array) -> float:

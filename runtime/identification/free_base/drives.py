@@ -20,7 +20,7 @@ Little & Taylor 1989, ν = 4.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -86,14 +86,6 @@ def rms(values: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(np.square(values), axis=0)))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RowNoise:
-    """Noise of the equations of N instants."""
-
-    floor: NoiseFloor  # standard deviation per equation, and N / N_eff
-    weights: Array  # (N,) of the instants, of the variance σ²
-
-
 def noise_of(
     lib: Library,
     trained: equations.FreeBaseRows,
@@ -101,9 +93,10 @@ def noise_of(
     cutoff_hz: float | None,
     seconds: float,
     are_few: bool,
-) -> RowNoise | None:
+) -> tuple[NoiseFloor | None, Array]:
     """Noise by the residual of the URDF, where fewer rows are independent than there are unknowns.
 
+    It is that of the equations, with weights (N,) of the instants, else none and weights of one.
     A low-pass of f leaves 2 f T independent values of T seconds (Nyquist). Rows of which the
     training rows are such `are_few`, too.
     """
@@ -112,12 +105,12 @@ def noise_of(
     if cutoff_hz is not None:
         count = min(count, max(1.0, 2 * cutoff_hz * seconds))
     if not are_few and count * samples.equations >= len(lib.base_columns):
-        return None
+        return None, np.ones(len(samples))
     rest = samples.rigid(lib, lib.pi0) - samples.tau
     least = SILENT * rms(samples.tau).max()
     known = np.zeros(0) if sensors is None else sensors.sigma[0]
     sigma, weights = _student(rest, samples.columns, known, count)
-    return RowNoise(NoiseFloor(np.maximum(sigma, least), len(samples) / count), weights)
+    return NoiseFloor(np.maximum(sigma, least), len(samples) / count), weights
 
 
 def _student(rest: Array, columns: Array, known: Array, independent: float) -> tuple[Array, Array]:
@@ -203,10 +196,8 @@ def drives_of(
         samples = rows.samples
         names = drives.names(lib.joint_names)
         unit = NoiseFloor(np.ones(samples.equations), 1.0)
-        problem = problem_of(lib, samples, samples, names, unit, None)
-        fit = fit_by(problem, "map", None, prior)
-        error = residuals(lib, rows.samples, fit.pi, fit.phi)
-        after = _noise(rows, error, before, choice)
+        fit = fit_by(problem_of(lib, samples, samples, names, unit, None), "map", None, prior)
+        after = _noise(rows, residuals(lib, rows.samples, fit.pi, fit.phi), before, choice)
         ratio = np.diagonal(after) / np.diagonal(before)
         is_steady = np.abs(np.sqrt(ratio) - 1.0).max() < DONE
         drives = replace(drives, covariance=after)
@@ -250,12 +241,11 @@ def problem_of(
     known: FrictionPrior | None,
 ) -> Problem:
     """The problem of rows over their noise, where it is known."""
-    weights = thesis_weights(train.tau) if floor is None else floor.sigma**-2
     return Problem(
         lib=lib,
         train=train,
         validation=tested,
-        weights=weights,
+        weights=thesis_weights(train.tau) if floor is None else floor.sigma**-2,
         start=lib.lam0,
         column_names=columns,
         noise_floor=floor,

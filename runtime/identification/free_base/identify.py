@@ -160,7 +160,7 @@ def assembly_of_walks(
     data = prepared_walk(logs, lib, settings, is_joined=False)
     motions = [data.motion.rows(part) for part in data.parts]
     rows = [data.rows_of(motion) for motion in motions]
-    problem, _, _ = _problem(data, rows[0], motions[0].seconds, rows[1])
+    problem, _ = _problem(data, rows[0], motions[0].seconds, rows[1])
     names, _ = data.tested.shown()
     samples = {part: each.shown()[1] for part, each in zip(PARTS, rows, strict=True)}
     shown = ShownRows(samples, (names, data.units_of(names)))
@@ -181,7 +181,7 @@ class WalkFit:
     rows: FreeBaseRows
     fit: Fit
     evidence: results.Evidence
-    noise: drives.RowNoise | None
+    noise: NoiseFloor | None  # of the URDF's residual, where it is not that of the fit
     notes: tuple[str, ...]
 
     def predicted(self, rows: Samples) -> Array:
@@ -193,7 +193,7 @@ def _fitted(data: PreparedWalk, instants: Integers, are_few: bool = False) -> Wa
     """Fit of some instants; tied drives have a prior by a fit without it."""
     motion, notes = data.motion.rows(instants), list[str]()
     rows, settings, method = data.rows_of(motion), data.settings, data.method
-    problem, weights, noise = _problem(data, rows, motion.seconds, data.tested, are_few)
+    problem, weights = _problem(data, rows, motion.seconds, data.tested, are_few)
     if settings.robust:
         problem, robust = robust_problem(problem, method.name)
         weights = weights * robust.weights
@@ -209,6 +209,7 @@ def _fitted(data: PreparedWalk, instants: Integers, are_few: bool = False) -> Wa
         notes.insert(0, note)
     offsets = rows.offsets * np.sqrt(weights)[:, None, None]
     evidence = _evidence(data, problem, fit, offsets, motion.seconds)
+    noise = problem.noise_floor if data.drives is None else None
     return WalkFit(rows, fit, evidence, noise, tuple(notes))
 
 
@@ -218,9 +219,9 @@ def _problem(
     seconds: float,
     held_out: FreeBaseRows,
     are_few: bool = False,
-) -> tuple[Problem, Array, drives.RowNoise | None]:
-    """The problem of equations, weights of its instants, and its noise if that is of the URDF."""
-    samples, weights, noise = rows.samples, np.ones(len(rows.samples)), None
+) -> tuple[Problem, Array]:
+    """The problem of equations, and weights of its instants."""
+    samples, weights = rows.samples, np.ones(len(rows.samples))
     sensors, sensed = data.sensors, None
     if sensors:
         sigma = list(sensors.values())
@@ -228,18 +229,15 @@ def _problem(
     columns = tuple(f"{ERROR_OF}{name}" for name in sensors)
     if data.drives is None:
         cutoff_hz = cutoff_of(data.settings.cutoff)
-        noise = drives.noise_of(data.lib, rows, sensed, cutoff_hz, seconds, are_few)
-        floor = None if noise is None else noise.floor
-        if noise is not None:
-            weights = noise.weights
-            samples = samples.weighted(weights)
+        floor, weights = drives.noise_of(data.lib, rows, sensed, cutoff_hz, seconds, are_few)
+        samples = samples if floor is None else samples.weighted(weights)
     else:
         columns = (*columns, *data.drives.names(data.lib.joint_names))
         floor = NoiseFloor(np.ones(samples.equations), 1.0)
     problem = drives.problem_of(data.lib, samples, held_out.samples, columns, floor, sensed)
     if data.known_friction is not None:
         problem = _with_known(problem, data.known_friction, data.of_drives)
-    return problem, weights, noise
+    return problem, weights
 
 
 def _agreement(data: PreparedWalk) -> tuple[schema.SessionsPart, tuple[str, ...]]:

@@ -8,7 +8,7 @@ import numpy as np
 from runtime.common.texts import number_of
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import METHODS, Method, chosen_method, methods_from_statistics
-from runtime.estimators.problem import FrictionPrior
+from runtime.estimators.problem import FrictionPrior, NoiseFloor
 from runtime.identification.drive.symmetry import with_mirrored_links
 from runtime.identification.free_base import drives as row_noise
 from runtime.identification.free_base import plausibility
@@ -223,12 +223,12 @@ def parts_of(
 
 
 def notes_on(
-    data: PreparedWalk, trained: equations.FreeBaseRows, noise: row_noise.RowNoise | None
+    data: PreparedWalk, trained: equations.FreeBaseRows, noise: NoiseFloor | None
 ) -> tuple[str, ...]:
     """Sentences on the rows: how many, with which noise and offsets, and what was not read."""
     notes = list(data.notes)
     if noise is not None:
-        independent = trained.samples.tau.size / noise.floor.inflation
+        independent = trained.samples.tau.size / noise.inflation
         notes.append(
             f"{independent:.0f} independent equations for {len(data.lib.base_columns)} base "
             "parameters: most of the result is the prior, and the residual of the URDF counts as "

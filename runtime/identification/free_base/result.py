@@ -127,8 +127,7 @@ class FreeBaseIdentification(SavedResult):
     def written_posterior(self) -> SavedPosterior:
         """Posterior of π and of the friction, without errors of sensors and the delay."""
         known = self.posterior.information
-        of_friction = marginal(known.statistics, self.evidence.of_drives)
-        known = replace(known, statistics=of_friction)
+        known = replace(known, statistics=marginal(known.statistics, self.evidence.of_drives))
         return replace(self.posterior, information=known, phi_nuisance=None)
 
 

@@ -319,8 +319,7 @@ def _null_spaces(jacobian: Array, unknown: Array) -> Array:
             spaces.append(np.eye(size))
             continue
         spaces.append(null_space(chosen, rcond=RANK))
-    widest = max(space.shape[1] for space in spaces)
-    out = np.zeros((count, size, widest))
+    out = np.zeros((count, size, max(space.shape[1] for space in spaces)))
     before = None
     for k, space in enumerate(spaces):
         if before is not None and before.shape == space.shape and space.size:
@@ -358,8 +357,7 @@ def with_contact_states(
 ) -> tuple[FreeBaseRecording, tuple[str, ...]]:
     """The recording without wrenches of lifted feet where nothing states them, and a sentence."""
     contacts = recording.contacts
-    forces = contacts.wrench[..., :3]
-    if contacts.is_stated or not contacts.links or not np.isnan(forces).all():
+    if contacts.is_stated or not contacts.links or not np.isnan(contacts.wrench[..., :3]).all():
         return recording, ()
     lifted = lifted_feet(recording, lib)
     wrench = np.where(lifted[:, :, None], 0.0, contacts.wrench)

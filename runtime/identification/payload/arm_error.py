@@ -99,8 +99,7 @@ def arm_of_result(result: Identification) -> ArmModel:
 def read_arm_model(path: Path, lib: Library) -> ArmModel:
     """Read the arm from a result of identify."""
     saved, root = read_result(path), None
-    notes = require_model(saved.record, lib, path)
-    origin = "; ".join((f"identified, '{path}'", *notes))
+    origin = "; ".join((f"identified, '{path}'", *require_model(saved.record, lib, path)))
     if (folder_of(path) / posterior_file.FILE).exists():
         root = _root(posterior_file.read_posterior(path, saved, lib), lib, saved.phi)
     return ArmModel(saved.pi, saved.friction, saved.phi, origin, root)

@@ -256,8 +256,7 @@ def alternate(
             convex_problem(Reduced(A, b, 0.0, 1.0, 1.0), prior, kappa)
             for A, b in zip(factors, data[1], strict=True)
         ]
-        minima = solve_many(lib, problems, starts, cores())
-        pi = np.stack([minimum.pi for minimum in minima])
+        pi = np.stack([minimum.pi for minimum in solve_many(lib, problems, starts, cores())])
         starts = list(pi)
         pseudo = bodies.pseudo_inertia(pi[counted]).reshape(int(counted.sum()), -1, 4, 4)
         moved = bodies.pi_of(centre_of(pseudo, of_urdf, kappa, CAD)).ravel()

@@ -69,13 +69,12 @@ def unit_of(known: UnitStatistics, lib: Library, name: str) -> Unit:
     triangle[: len(upper)] = upper
     n, columns = lib.n_joints, known.shared
     every = _friction(elimination, level, count).reshape(n, len(known.columns), count + 2)
-    places = [known.columns.index(each) for each in columns]
     return Unit(
         name,
         known.widths,
         np.ascontiguousarray(triangle[:, :count]),
         triangle[:, count].copy(),
-        np.ascontiguousarray(every[:, places]),
+        np.ascontiguousarray(every[:, [known.columns.index(each) for each in columns]]),
         np.full(n, np.nan) if known.noise is None else known.noise,
         known.density,
         columns,

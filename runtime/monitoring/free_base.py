@@ -71,7 +71,10 @@ def free_changed_rows(
         share = np.einsum("nmj,nm->j", each, left) / np.sum(each**2, axis=(0, 1))
         # Torques without their visible noise, which would be in columns and residual. Of (1 + g) τ
         # a share s = g / (1 + g) is too much: without it a gain has its true size.
-        by_model = motion.tau - _torques_of(in_torques, rest)
+        # These are the least torques δ with Nᵀ [0; δ] = e where torques enter.
+        across = in_torques.swapaxes(1, 2) @ in_torques + SMALL**2 * np.eye(in_torques.shape[2])
+        visible = np.linalg.solve(across, rest[..., None])[..., 0]
+        by_model = motion.tau - np.einsum("njm,nm->nj", in_torques, visible)
         sizes = np.sum(motion.tau**2, axis=0) / np.sum(motion.tau * by_model, axis=0)
         by_model *= sizes * (1 - share.clip(-LARGEST_SHARE, LARGEST_SHARE))
         named = np.einsum("nmj,njc->nmc", basis, scores.named_columns(motion.t, by_model, friction))
@@ -107,11 +110,3 @@ def _over_noise(basis: Array, rest: Array, least: Array) -> Array:
         covariance = covariance_after(covariance, few, seen, floor)
     spread = basis.swapaxes(1, 2) @ covariance @ basis + floor
     return np.asarray(np.linalg.inv(np.linalg.cholesky(spread)))
-
-
-def _torques_of(basis: Array, rest: Array) -> Array:
-    """Least torques δ (N, n) with Nᵀ [0; δ] = e where torques enter, by their part of the basis."""
-    across = basis.swapaxes(1, 2) @ basis + SMALL**2 * np.eye(basis.shape[2])
-    return np.asarray(
-        np.einsum("njm,nm->nj", basis, np.linalg.solve(across, rest[..., None])[..., 0])
-    )

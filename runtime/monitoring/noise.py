@@ -112,7 +112,13 @@ def read_held_out(result: Path, model: MonitoredModel) -> HeldOutResidual:
         "average": preparation.window_s and AVERAGE_CUTOFF / preparation.window_s,
         "savitzky-golay": preparation.window_s and preparation.order / (2 * preparation.window_s),
     }.get(preparation.filter)
-    usable = ~near(t, model.is_slow(dq) | _is_unknown(t, dq, model), REVERSAL_S, REVERSAL_S)
+    travel = np.zeros_like(dq)
+    for part in segments(t):
+        steps = np.diff(t[part], prepend=t[part][:1])[:, None]
+        travel[part] = np.cumsum(np.abs(dq[part]) * steps, axis=0)
+    # The state of friction with a memory is not known yet.
+    is_unknown = model.unknown_state(travel) > UNKNOWN * model.lasting_friction
+    usable = ~near(t, model.is_slow(dq) | is_unknown, REVERSAL_S, REVERSAL_S)
     limit = min(KEPT * cutoff, SLOW_HZ) if cutoff else SLOW_HZ
     return HeldOutResidual(t, rows["measured"] - rows["after"], usable, limit)
 
@@ -127,15 +133,6 @@ def read_test_rows(result: Path, model: MonitoredModel) -> tuple[Array, Samples]
         return None
     t, q, dq, ddq, tau, columns = rows.values()
     return t, Samples(q, dq, ddq, tau, columns, coupling=model.coupling)
-
-
-def _is_unknown(t: Array, dq: Array, model: MonitoredModel) -> Mask:
-    """Instants at which the state of friction with a memory is not known yet, (N, n)."""
-    travel = np.zeros_like(dq)
-    for part in segments(t):
-        steps = np.diff(t[part], prepend=t[part][:1])[:, None]
-        travel[part] = np.cumsum(np.abs(dq[part]) * steps, axis=0)
-    return model.unknown_state(travel) > UNKNOWN * model.lasting_friction
 
 
 def near(t: Array, event: Mask, before_s: float, after_s: float) -> Mask:

@@ -42,18 +42,12 @@ def vendor_texts(body: Body) -> dict[str, str]:
     """Name → content of the files."""
     m, (x, y, z) = float(body.mass), (float(c) for c in body.com)
     texts = (
-        ur_script(body),
+        f"set_target_payload({digits(m)}, [{_list(body.com)}], [{_list(body.values[4:])}])\n",
         kuka_load(body),
         json_text({"payload_mass": m, "payload_mass_center": {"x": x, "y": y, "z": z}}),
         json_text({"weight": m, "center_of_gravity": [MM * x, MM * y, MM * z]}),
     )
     return dict(zip(VENDOR_FILES, texts, strict=True))
-
-
-def ur_script(body: Body) -> str:
-    """URScript that sets mass [kg], centre of mass [m] and inertia about it [kg·m²]."""
-    inertia = body.values[4:]
-    return f"set_target_payload({digits(body.mass)}, [{_list(body.com)}], [{_list(inertia)}])\n"
 
 
 def kuka_load(body: Body) -> str:

@@ -183,8 +183,7 @@ def _keyword(name: str, kind: Any, default: Any) -> inspect.Parameter:
 
 def record_of(function: Callable[..., Any]) -> type[Choices] | None:
     """Record that a command takes; None for a command without one."""
-    hints = get_type_hints(function)
-    kinds = [kind for kind in hints.values() if isinstance(kind, type)]
+    kinds = [kind for kind in get_type_hints(function).values() if isinstance(kind, type)]
     return next((kind for kind in kinds if issubclass(kind, Choices)), None)
 
 

@@ -78,10 +78,9 @@ def command_line() -> str:
 
 def flowing(doc: str) -> str:
     r"""Help text of a docstring; a paragraph after \b keeps its lines, others are refilled."""
-    blocks = doc.split("\n\n")
     return "\n\n".join(
         block.removeprefix("\\b\n") if block.startswith("\\b\n") else " ".join(block.split("\n"))
-        for block in blocks
+        for block in doc.split("\n\n")
     )
 
 

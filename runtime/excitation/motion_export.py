@@ -84,7 +84,6 @@ def _write_certificate(motion: CertifiedMotion, path: Path) -> None:
 
 
 def _facts(use: Use) -> dict[str, object]:
-    how = "proven" if use.is_proven else "measured at 1 kHz with exact derivatives"
     return {
         "limit": use.kind,
         "bound": use.bound,
@@ -94,7 +93,7 @@ def _facts(use: Use) -> dict[str, object]:
         "value": use.value,
         "allowed": use.limit,
         "unit": use.unit,
-        "how": how,
+        "how": "proven" if use.is_proven else "measured at 1 kHz with exact derivatives",
         "intervals": use.intervals,
     }
 
@@ -167,8 +166,7 @@ def _write_libfranka(motion: CertifiedMotion, rate: float, path: Path) -> None:
             ),
         )
         table = np.hstack([t[:, None], q, dq, ddq])
-        head = ",".join(titles)
-        np.savetxt(file, table, fmt="%.17g", delimiter=",", header=head, comments="")
+        np.savetxt(file, table, fmt="%.17g", delimiter=",", header=",".join(titles), comments="")
 
 
 CSV = MotionFormat("csv", ".csv", "t, q, dq, ddq at the rate, as text", _write_log)

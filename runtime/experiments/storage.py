@@ -70,8 +70,7 @@ def write_rows(rows: list[Row], path: Path, mark: str) -> None:
     pa = arrow()
     names = list(dict.fromkeys(name for row in rows for name in row))
     fields = [pa.field(name, _type(pa, name)) for name in names]
-    schema = pa.schema(fields, metadata={HASH: mark.encode()})
-    table = pa.Table.from_pylist(rows, schema=schema)
+    table = pa.Table.from_pylist(rows, schema=pa.schema(fields, metadata={HASH: mark.encode()}))
     with replacing(path) as file:
         pa.parquet.write_table(table, file, write_page_checksum=True)
 
@@ -204,8 +203,7 @@ def write_outcome(
     command: str,
 ) -> dict[str, Any]:
     """Write trials.parquet, series.npz and result.json."""
-    both = [*rows, *finished.rows]
-    flat = [{k: v for k, v in row.items() if k != "curve"} for row in both]
+    flat = [{k: v for k, v in row.items() if k != "curve"} for row in [*rows, *finished.rows]]
     write_rows(flat, folder / TRIALS, mark)
     with replacing(folder / SERIES) as file:
         np.savez_compressed(file, **finished.series)  # type: ignore[arg-type]

@@ -112,12 +112,10 @@ class Scorer:
             predicted = predicted + friction
         error = torque_error(test.tau, predicted)
         smallest = float(lib.relative_eigenvalues(pi).min())
-        masses = mass(links(pi))
-        possible = smallest >= -CONSISTENCY_TOLERANCE and (masses > 0).all()
+        possible = smallest >= -CONSISTENCY_TOLERANCE and (mass(links(pi)) > 0).all()
         row: Row = {}
         if self.pi is not None:
-            matrices = lib.mass_matrix(self.configurations, pi)
-            distance = float(frobenius(self.mass, matrices).mean())
+            distance = float(frobenius(self.mass, lib.mass_matrix(self.configurations, pi)).mean())
             beta, truth = lib.base_matrix @ pi, lib.base_matrix @ self.pi
             if possible:  # else the mass matrix may be indefinite, for which the AIRM is undefined
                 row["airm"] = self.airm(pi)
@@ -134,8 +132,7 @@ class Scorer:
 
     def airm(self, pi: Array) -> float:
         """Mean affine-invariant distance of the mass matrices for π (10 n,)."""
-        mass = self.lib.mass_matrix(self.configurations, pi)
-        return float(airm(self.mass, mass).mean())
+        return float(airm(self.mass, self.lib.mass_matrix(self.configurations, pi)).mean())
 
 
 def scorer_of(lib: Library, test: Samples, pi: Array | None, configurations: int) -> Scorer:
@@ -182,8 +179,7 @@ def fit_frozen(problem: Problem, truth: Array, preset: Preset, places: list[Arra
         loss, slope = objective.value_gradient(x, rng.integers(0, size, batch))
         return loss, np.where(fixed, 0.0, slope)
 
-    outcome = adam(value_gradient, preset.adam, descent.x0, held.value, preset.rule)
-    return fit_of(descent, outcome)
+    return fit_of(descent, adam(value_gradient, preset.adam, descent.x0, held.value, preset.rule))
 
 
 def stream(seed: int, number: int, which: int) -> np.random.Generator:
@@ -343,8 +339,7 @@ def _adam(
     ended = []
     for problem, (fit, seconds), place in zip(problems, fits, places, strict=True):
         points = [problem.start, *place[: (fit.iterations or 0) // config.curve_every]]
-        curve = [setup.scorer.airm(lib.pi_from_lam(x)) for x in points]
-        ended.append((fit, seconds, curve))
+        ended.append((fit, seconds, [setup.scorer.airm(lib.pi_from_lam(x)) for x in points]))
     return ended
 
 

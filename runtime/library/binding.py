@@ -73,8 +73,7 @@ def _checked_library(place: Path, folder: Path, name: str) -> str:
     digest = sha256_of(path)
     if digest != sha256:
         raise LibraryError(f"the library '{path}' is damaged or not the one built here; {AGAIN}")
-    manifest_hash = sha256_of(folder / "manifest.json")
-    if stated != manifest_hash:
+    if stated != sha256_of(folder / "manifest.json"):
         raise LibraryError(f"the library '{path}' is older than its manifest.json; {AGAIN}")
     return digest
 

@@ -251,8 +251,7 @@ class CompiledClosedLoop:
 
     def run(self, periods: int) -> None:
         """Continue for a number of periods, at most to the end of the reference."""
-        left = min(periods, self._count - self.done)
-        self._function(ctypes.byref(self._job), left)
+        self._function(ctypes.byref(self._job), min(periods, self._count - self.done))
 
     @property
     def done(self) -> int:

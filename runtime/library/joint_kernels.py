@@ -167,8 +167,7 @@ class BodyKernels(Kernels):
 
     def pi_from_lam(self, lam: ArrayLike) -> Array:
         """π of every link from λ. Source: Eqs. 4.25–4.31."""
-        flat = self._links("lam", lam)
-        return self.binding.call("pi_from_lam", flat)[0].reshape(np.shape(lam))
+        return self.binding.call("pi_from_lam", self._links("lam", lam))[0].reshape(np.shape(lam))
 
     def pi_jacobian(self, lam: ArrayLike) -> Array:
         """∂π_k/∂λ_k, (L, 10, 10) or (N, L, 10, 10)."""
@@ -320,8 +319,7 @@ class SafetyKernels(Kernels):
         for unit in np.eye(self.n_joints):
             seed = np.broadcast_to(unit, rate.shape)
             rows.append(self.torque_rate_adjoint(q, dq, ddq, dddq, pi, seed))
-        jacobian = np.stack(rows, axis=-3)
-        return rate, jacobian.reshape(*rate.shape, 4 * self.n_joints)
+        return rate, np.stack(rows, axis=-3).reshape(*rate.shape, 4 * self.n_joints)
 
     def tip_motion(self, q: ArrayLike, dq: ArrayLike) -> tuple[Array, Array, Array, Array]:
         """p and v of the tip in the base frame, (N, 3), ∂p/∂q = ∂v/∂dq and ∂v/∂q, (N, 3, n)."""

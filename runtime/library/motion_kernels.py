@@ -165,8 +165,7 @@ class MotionKernels(Kernels):
                 f"tip '{self.manifest.tip}', got '{link}'"
             )
         place = self.n_links if link not in self.link_names else self.link_names.index(link)
-        jacobians = self._call("frame_jacobians", base, (q,))[0]
-        return jacobians[..., 6 * place : 6 * (place + 1), :]
+        return self._call("frame_jacobians", base, (q,))[0][..., 6 * place : 6 * (place + 1), :]
 
     def least_inertia(self, pi: ArrayLike, rotor: ArrayLike = 0.0) -> float:
         """Proven lower bound of the eigenvalues of M(q) + diag(J) at every q.

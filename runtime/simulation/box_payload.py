@@ -62,8 +62,7 @@ class Box(Record, frozen=True):
 
 def pi_from_pseudo(lib: Library, P: Array) -> Array:
     """Parameters π (10 n,) of pseudo-inertias (n, 4, 4), inverse of `Library.pseudo_inertia`."""
-    n = lib.n_links
-    units = lib.pseudo_inertia(np.tile(np.eye(N_PARAMETERS), (1, n)))[:, 0]
+    units = lib.pseudo_inertia(np.tile(np.eye(N_PARAMETERS), (1, lib.n_links)))[:, 0]
     rows, columns = np.triu_indices(4)
     return np.asarray(np.linalg.solve(units[:, rows, columns].T, P[:, rows, columns].T).T.ravel())
 

@@ -181,8 +181,7 @@ def settings_from(
     for name, seconds, least in periods:
         steps = seconds / made.step_s
         whole = round(min(steps, 1e300))  # a step near 0 goes into it infinitely often
-        apart = abs(steps - whole)
-        if steps > 1e300 or apart > _WHOLE * max(steps, 1.0) or whole < least:
+        if steps > 1e300 or abs(steps - whole) > _WHOLE * max(steps, 1.0) or whole < least:
             raise IdentificationError(
                 f"[drive] step_s of {made.step_s:g} s does not go into {name} of {seconds:g} s a "
                 "whole number of times; change one of them"

@@ -346,7 +346,6 @@ def _law(
     inertia = belief.mass_diagonal(q_d[0])
 
     def feedforward(k: int, q: Array, dq: Array) -> Array:
-        known = belief.inverse_dynamics(q_d[k], dq_d[k], ddq_d[k])
-        return known + inertia * correction(k, q, dq)
+        return belief.inverse_dynamics(q_d[k], dq_d[k], ddq_d[k]) + inertia * correction(k, q, dq)
 
     return feedforward

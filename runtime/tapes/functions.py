@@ -146,8 +146,7 @@ class TapeFunctions(ABC):
         except (TypeError, ValueError):
             raise ShapeError(f"{name} needs an array of numbers, got {value!r:.60}") from None
         if like is not None:
-            is_same = array.dtype == like.dtype
-            return array if is_same else getattr(array, self.cast)(like.dtype)
+            return array if array.dtype == like.dtype else getattr(array, self.cast)(like.dtype)
         if array.dtype not in (self.xp.float64, self.xp.float32):
             raise ShapeError(f"{name} needs float64 or float32, got {array.dtype}")
         return array

@@ -62,8 +62,7 @@ class Functions(TapeFunctions):
         aligned = [x.reshape(*(1,) * (len(lead) + 1 - x.ndim), *x.shape) for x in values]
         shapes = [a.shape if a.summed else (*lead, *a.shape) for a in outputs]
         results = [jax.ShapeDtypeStruct(shape, values[0].dtype) for shape in shapes]
-        is_summed = any(a.summed for a in outputs)
-        method = "sequential" if is_summed else "expand_dims"
+        method = "sequential" if any(a.summed for a in outputs) else "expand_dims"
         call = jax.ffi.ffi_call(TARGET, results, vmap_method=method)
         return tuple(call(*aligned, function=f"{self.key}.{name}"))
 
@@ -91,6 +90,5 @@ def handler() -> ctypes.CDLL:
     path = compiled_file(Path(__file__).with_name("xla_call.c"), flags)
     library = ctypes.CDLL(str(path))
     library.symgen_add.argtypes = (ctypes.c_char_p, ctypes.c_void_p)
-    capsule = jax.ffi.pycapsule(library.symgen_kernel)
-    jax.ffi.register_ffi_target(TARGET, capsule, platform="cpu")
+    jax.ffi.register_ffi_target(TARGET, jax.ffi.pycapsule(library.symgen_kernel), platform="cpu")
     return library

@@ -239,8 +239,7 @@ class PlacedBox:
 
     def frames(self, poses: Poses) -> tuple[Array, Array]:
         """Axes (N, 3, 3) and centres (N, 3) in the base frame of a box in a moving link."""
-        axes = poses.rotation[:, self.joint] @ self.rotation
-        return axes, poses.placed(self.joint, self.center)
+        return poses.rotation[:, self.joint] @ self.rotation, poses.placed(self.joint, self.center)
 
     def nearest(self, poses: Poses, ends: Array) -> tuple[Array, Array, Array]:
         """Distance (N,), point and direction of axes with ends (N, 2, 3) from the box; 0 inside."""

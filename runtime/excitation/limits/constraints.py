@@ -62,8 +62,7 @@ def _torques(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
             )
         chosen.append(TorqueLimit(0, lib, pi, limit, *rest))
     if np.isfinite(limits["torque_rate"]).any():
-        rate = np.broadcast_to(limits["torque_rate"], (n,))
-        chosen.append(TorqueLimit(1, lib, pi, rate, *rest))
+        chosen.append(TorqueLimit(1, lib, pi, np.broadcast_to(limits["torque_rate"], (n,)), *rest))
     return tuple(chosen)
 
 

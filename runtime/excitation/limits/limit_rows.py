@@ -216,9 +216,8 @@ class LimitRows:
                 continue
             samples, back = np.unique(sample, return_inverse=True)
             slopes = constraint.slopes(motion[:, samples])[back, row] / unit  # (rows, orders, n)
-            basis = self._basis[sample][:, :, : constraint.orders]
             # Chain rule over the derivatives of the motion: Σ_d ∂g/∂q^(d) φ^(d), (rows, M, n).
-            chain = np.matmul(basis, slopes)
+            chain = np.matmul(self._basis[sample][:, :, : constraint.orders], slopes)
             blocks.append(chain.transpose(0, 2, 1).reshape(len(row), -1))
         return np.concatenate(blocks)
 

@@ -88,8 +88,7 @@ class ModelBand:
             return self.lib.regressor(motion[0], motion[1], motion[2])[..., self._used]
         columns = [np.zeros((*motion[0].shape, 0))]
         for p in self._used:
-            column = _torque(self.lib, motion, np.eye(len(self.pi))[p], order)
-            columns.append(column[..., None])
+            columns.append(_torque(self.lib, motion, np.eye(len(self.pi))[p], order)[..., None])
         return np.concatenate(columns, axis=-1)
 
     def _corners(self, motion: Array, order: int) -> Array:

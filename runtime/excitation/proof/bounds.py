@@ -65,8 +65,7 @@ def joint_bounds(lib: Library, trajectory: Trajectory) -> tuple[Array, Array]:
     step = (0.5 if basis.is_symmetric else 1.0) / count
     sides = rooms(lib, trajectory.home)
     chords = _Chords.of(trajectory, *sides)
-    ends = _ends(basis, size, DIVIDED * step, count // DIVIDED)
-    value, bend = _curves(ends, a)
+    value, bend = _curves(_ends(basis, size, DIVIDED * step, count // DIVIDED), a)
     # Long intervals: the bound of any short interval inside one is below this, as the chord of
     # the long one and that of the short one are both counted (1 + 20² and 1 + 20).
     bounds = chords.bounds(value, bend, (1 + DIVIDED**2) * step**2 / 8, (1 + DIVIDED) * step / 2)
@@ -149,8 +148,7 @@ def _curves(phi: Array, a: Array) -> tuple[Array, Array]:
 @lru_cache(maxsize=8)
 def _ends(basis: Basis, size: int, step: float, count: int) -> Array:
     """Derivatives d^k φ_m/ds^k at the ends of long intervals, shared by the stages of a motion."""
-    s = step * np.arange(count + 1.0)
-    return basis.derivatives(_ORDERS, size, s)
+    return basis.derivatives(_ORDERS, size, step * np.arange(count + 1.0))
 
 
 def rooms(lib: Library, home: Array) -> tuple[Array, Array]:
@@ -266,8 +264,7 @@ class MotionGrid:
 @lru_cache(maxsize=24)
 def _phi(basis: Basis, size: int, first: int, last: int, count: int) -> Array:
     """Derivatives d^k φ_m/ds^k at neighbouring samples, shared by motions of this duration."""
-    s = np.arange(first, last + 1) / count
-    return basis.derivatives(ORDERS, size, s)
+    return basis.derivatives(ORDERS, size, np.arange(first, last + 1) / count)
 
 
 def constraint_bounds(

@@ -218,8 +218,7 @@ def _certificate(
 def _largest(same: tuple[Use, ...]) -> Use:
     """Largest use of one limit by several motions, on the intervals of all of them."""
     bounds = [use.bound if np.isfinite(use.bound) else np.inf for use in same]
-    count = sum(use.intervals for use in same)
-    return replace(same[int(np.argmax(bounds))], intervals=count)
+    return replace(same[int(np.argmax(bounds))], intervals=sum(use.intervals for use in same))
 
 
 def fastest(motion: CertifiedMotion) -> float:
@@ -230,8 +229,7 @@ def fastest(motion: CertifiedMotion) -> float:
     low, high = (100, 101) if certificate.holds else (0, 100)
     while high - low > 1:
         percent = (low + high) // 2
-        slow = motion.trajectory.slowed(percent / 100)
-        if _certificate(motion.lib, slow, motion.safety).holds:
+        if _certificate(motion.lib, motion.trajectory.slowed(percent / 100), motion.safety).holds:
             low = percent
         else:
             high = percent

@@ -82,8 +82,7 @@ class ElasticLimits:
 
     def jacobian(self, x: Array, numbers: Indices) -> Array:
         """Slopes of chosen rows, (m, p)."""
-        rows = self._rows.jacobian(self._coordinates.of_one(x), numbers)
-        return self._coordinates.slopes(rows)
+        return self._coordinates.slopes(self._rows.jacobian(self._coordinates.of_one(x), numbers))
 
 
 class Correlations:
@@ -114,8 +113,7 @@ def varied(
     x = _parent(rng, known, FAVOUR)
     if number % 3 == 2:
         return np.asarray(x + rng.uniform(*NOISE) * rng.normal(size=len(x)))
-    chosen = _chosen(rng, joints, 1 + number % 3, len(x))
-    return np.where(chosen, drawn(rng), x)
+    return np.where(_chosen(rng, joints, 1 + number % 3, len(x)), drawn(rng), x)
 
 
 def varied_far(rng: np.random.Generator, known: Array, number: int, joints: int) -> Array:
@@ -176,8 +174,7 @@ class Search:
 
     def __init__(self, lib: Library, settings: DesignSettings) -> None:
         self.lib, self.settings = lib, settings
-        home = lib.home if settings.home is None else settings.home
-        self.home = np.asarray(home, dtype=float)
+        self.home = np.asarray(lib.home if settings.home is None else settings.home, dtype=float)
         self.basis, size = settings.basis, settings.basis.size(settings.harmonics)
         self.criterion = criterion_of(settings.criterion, settings.information is not None)
         self.goal = self.criterion.goal(lib, self.home, settings.information)

@@ -43,8 +43,7 @@ def without_unseen(
     more = min(2 * settings.harmonics, MOST_HARMONICS)
     if _shows_all(lib, replace(settings, harmonics=more)):
         return same
-    search = Search(lib, settings)
-    left = unseen(_motions(lib, search, MOTIONS), lib, planned.friction)
+    left = unseen(_motions(lib, Search(lib, settings), MOTIONS), lib, planned.friction)
     if not left:
         return same
     kept = np.delete(np.eye(len(lib.base_columns)), left, axis=1)

@@ -149,8 +149,7 @@ def _path(figure: "Figure", experiment: Experiment, view: View) -> None:
     if path.ndim == 3:  # poses (N, 4, 4) of the tip
         path = path[:, :3, 3]
     axis: Any = figure.add_subplot(projection="3d")
-    kept = path[:: max(1, len(path) // POINTS)]
-    axis.plot(*kept.T, color=canvas.BLUE)
+    axis.plot(*path[:: max(1, len(path) // POINTS)].T, color=canvas.BLUE)
     axis.plot(*path[:1].T, "o", color=canvas.GREEN, label="start and end")
     extent = np.ptp(path, axis=0)
     if extent.any():  # else the path is one point
@@ -211,12 +210,11 @@ def _bars(figure: "Figure", experiment: Experiment, view: View) -> None:
         for k, (method, is_document, heights) in enumerate(bars):
             owner = DOCUMENT if is_document else method_name(method)
             colour, hatch = styles[method]
-            label = f"{DOCUMENT}, {method_name(method)}" if is_document else owner
             drawn = axis.bar(
                 np.arange(len(heights)) - _BAR / 2 + (k + 0.5) * wide,
                 heights,
                 wide,
-                label=label,
+                label=f"{DOCUMENT}, {method_name(method)}" if is_document else owner,
                 color="none" if is_document or hatch else colour,
                 edgecolor=colour,
                 linewidth=0.8,

@@ -173,9 +173,8 @@ def _require_whole(folder: Path, raw: Mapping[str, Any], known: Mapping[str, Any
         kept = [{k: v for k, v in row.items() if v is not None} for row in rows]
         computed = {_key(entry): entry for entry in summary(kept)}
     stated = {_key(entry): entry for entry in raw["summary"]}
-    both = computed.keys() & stated.keys()
     wrong = (computed.keys() ^ stated.keys()) | {
-        k for k in both if not _agrees(stated[k], computed[k])
+        k for k in computed.keys() & stated.keys() if not _agrees(stated[k], computed[k])
     }
     if wrong:
         words = " ".join(min(wrong))

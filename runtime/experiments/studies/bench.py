@@ -73,8 +73,7 @@ def _prepare(lib: Library, config: BenchConfig, needed: study.Arrays) -> BenchSe
                 lib, test, np.array(needed[f"{logs}/pi"]), config.configurations
             )
             parts[case, name] = Part(train, held, test, truth)
-    lam = lib.lam_from_pi(trials.document_robot(lib))
-    return BenchSetup(lib, config, lam, parts, needed)
+    return BenchSetup(lib, config, lib.lam_from_pi(trials.document_robot(lib)), parts, needed)
 
 
 def _terms(config: BenchConfig) -> dict[str, Friction]:

@@ -75,8 +75,7 @@ def _prepare(lib: Library, config: MethodsConfig, needed: Arrays) -> MethodsSetu
 
     def log(number: int, plant: Plant) -> Recording:
         rng = stream(config.seed, 0, TRAINING + number)
-        recording = closed_loop(lib, designs[number], plant, rng, controller=law)
-        return recording.replace(dq=None)
+        return closed_loop(lib, designs[number], plant, rng, controller=law).replace(dq=None)
 
     assembly = assemble(
         log(0, noisy),

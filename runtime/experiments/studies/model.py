@@ -74,7 +74,6 @@ def _finish(setup: ModelSetup, rows: list[Row]) -> StudyOutcome:
     """Curves of the three figures."""
     tau, (steps, remainders) = _torques(setup), _taylor(setup)
     middle = int(np.flatnonzero(_straight(setup.config, steps))[0])
-    reference = remainders[middle] * (steps / steps[middle]) ** 2
     series = {
         "t": np.asarray(setup.recording.t),
         "tau_idm": tau["idm"],
@@ -83,7 +82,7 @@ def _finish(setup: ModelSetup, rows: list[Row]) -> StudyOutcome:
         "tau_5_base": tau["base"][:, JOINT],
         "step": steps,
         "remainder": remainders,
-        "slope_two": reference,
+        "slope_two": remainders[middle] * (steps / steps[middle]) ** 2,
     }
     facts = {
         "rate_hz": setup.config.rate_hz,

@@ -232,13 +232,11 @@ SINES_CASES = {
 
 
 def _sines(lib: Library, config: MonteCarloConfig, setup: MonteCarloSetup) -> Recording:
-    samples = setup.train["designed"]
-    duration = (len(samples) - 1) / config.rate_hz
+    duration = (len(setup.train["designed"]) - 1) / config.rate_hz
     recording, _ = sinusoidal(lib, duration, config.rate_hz, *config.sinusoid)
     pi = lib.pi_from_lam(setup.lam)
     states = (recording.q, recording.required("dq"), recording.required("ddq"))
-    tau = lib.inverse_dynamics(*states, pi)
-    return recording.replace(tau=tau)
+    return recording.replace(tau=lib.inverse_dynamics(*states, pi))
 
 
 def _sines_prepare(lib: Library, config: MonteCarloConfig, needed: Arrays) -> MonteCarloSetup:
@@ -312,8 +310,7 @@ def _run(setup: tuple[Library, DesignsConfig], numbers: range, threads: int) -> 
         for case in config.cases:
             for method in case.methods:
                 same = [r for r in trials if (r["case"], r["method"]) == (case.name, method)]
-                head = {"case": case.name, "method": method, "trial": number}
-                rows.append(head | _means(same))
+                rows.append({"case": case.name, "method": method, "trial": number} | _means(same))
     return rows
 
 

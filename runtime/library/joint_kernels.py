@@ -315,10 +315,8 @@ class SafetyKernels(Kernels):
         It takes n adjoints per sample; `torque_rate_adjoint` gives the rows of single joints.
         """
         rate = self.torque_rate(q, dq, ddq, dddq, pi)
-        rows = []
-        for unit in np.eye(self.n_joints):
-            seed = np.broadcast_to(unit, rate.shape)
-            rows.append(self.torque_rate_adjoint(q, dq, ddq, dddq, pi, seed))
+        seeds = (np.broadcast_to(unit, rate.shape) for unit in np.eye(self.n_joints))
+        rows = [self.torque_rate_adjoint(q, dq, ddq, dddq, pi, seed) for seed in seeds]
         return rate, np.stack(rows, axis=-3).reshape(*rate.shape, 4 * self.n_joints)
 
     def tip_motion(self, q: ArrayLike, dq: ArrayLike) -> tuple[Array, Array, Array, Array]:

@@ -236,9 +236,5 @@ def _orders(count: int) -> list[tuple[int, ...]]:
     stated = tuple(range(count))
     if count <= _ALL:
         return [order for order in permutations(stated) if order != stated]
-    orders = []
-    for a, b in combinations(stated, 2):
-        order = list(stated)
-        order[a], order[b] = b, a
-        orders.append(tuple(order))
-    return orders
+    exchanged = ({a: b, b: a} for a, b in combinations(stated, 2))
+    return [tuple(pair.get(k, k) for k in stated) for pair in exchanged]

@@ -95,9 +95,8 @@ def sensor_errors(contacts: Contacts, logs: Sequence[str] = ("",)) -> list[tuple
         # A sensor that is stated to have no offset keeps one of rounding.
         sigma = np.maximum(contacts.offset_sigma, SMALLEST_OFFSET).tolist()
         for log in logs:
-            names = _names(contacts.links)
-            names = [f"{name}{OF}{log}" for name in names] if len(logs) > 1 else names
-            known += zip(names, sigma, strict=True)
+            of_log = f"{OF}{log}" if len(logs) > 1 else ""
+            known += zip([f"{name}{of_log}" for name in _names(contacts.links)], sigma, strict=True)
     if contacts.sharing_sigma is not None:
         known.append(("sharing", max(contacts.sharing_sigma, SMALLEST_SHARING)))
     if contacts.crosstalk_sigma is not None:
@@ -312,13 +311,10 @@ def _samples(base: Array, right: Array, errors: Array) -> Samples:
 def _null_spaces(jacobian: Array, unknown: Array) -> Array:
     """Orthonormal N(t) with J_u N = 0, continuous in time; zero columns where fewer are left."""
     count, _, size = jacobian.shape
-    spaces = []
-    for j, missing in zip(jacobian, unknown, strict=True):
-        chosen = j[missing]
-        if not chosen.size:
-            spaces.append(np.eye(size))
-            continue
-        spaces.append(null_space(chosen, rcond=RANK))
+    spaces = [
+        null_space(j[missing], rcond=RANK) if missing.any() else np.eye(size)
+        for j, missing in zip(jacobian, unknown, strict=True)
+    ]
     out = np.zeros((count, size, max(space.shape[1] for space in spaces)))
     before = None
     for k, space in enumerate(spaces):

@@ -34,20 +34,9 @@ from runtime.estimators.regression.samples import Samples, samples_of, weights_f
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.library.parameters import link_columns
+from runtime.monitoring import scores
 from runtime.monitoring.free_base import free_changed_rows, free_changes_of
 from runtime.monitoring.model import model_of
-from runtime.monitoring.scores import (
-    PLAUSIBLE,
-    ChangedRows,
-    Changes,
-    Scores,
-    Usual,
-    changed_rows,
-    changes_of,
-    expected,
-    scores_of_rows,
-    usual_of,
-)
 from runtime.recording import Recording
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.recipes.recipe import COMMANDED
@@ -91,10 +80,10 @@ class Hypothesis:
     prior: float = 1.0  # relative probability before the data
 
 
-def hypotheses(lib: Library, changes: Changes, pi: Array) -> list[Hypothesis]:
+def hypotheses(lib: Library, changes: scores.Changes, pi: Array) -> list[Hypothesis]:
     """Hypotheses on a log of a robot of π (10 n,)."""
     named, base = len(changes.names), lib.base_matrix
-    sizes = changes.units * [PLAUSIBLE[kind] for kind, _ in changes.names]
+    sizes = changes.units * [scores.PLAUSIBLE[kind] for kind, _ in changes.names]
     eye = np.eye(named + len(base))[:, :named] * sizes
     parts = []
     for k, (group, where) in enumerate(changes.names):
@@ -211,8 +200,8 @@ class Baseline:
     saved: SavedResult  # the result
     root: Array  # of the covariance of [β; φ], (p, columns)
     over: Array  # 1/σ of its held-out residual, (n,) [1/(N·m)]; of a free base the logs' own
-    changes: Changes  # that are distinguished
-    usual: Usual  # changes of a healthy robot, and errors of the model
+    changes: scores.Changes  # that are distinguished
+    usual: scores.Usual  # changes of a healthy robot, and errors of the model
 
 
 def baseline_of(
@@ -232,11 +221,11 @@ def baseline_of(
     torques += [samples_of(_thinned(each), lib).tau for each in references]
     tau = np.concatenate(torques) if torques else sigma[None]
     over = np.sqrt(weights_from(sigma, tau))
-    changes = changes_of(lib, model, tau)
+    changes = scores.changes_of(lib, model, tau)
     held_out = []
     if test_rows:
-        rows = changed_rows(lib, model, saved.pi, *test_rows, over, changes.ranges)
-        held_out = [scores_of_rows(rows, root)] if rows.tells() else []
+        rows = scores.changed_rows(lib, model, saved.pi, *test_rows, over, changes.ranges)
+        held_out = [scores.scores_of_rows(rows, root)] if rows.tells() else []
     return _baseline(lib, saved, root, over, changes, held_out, references)
 
 
@@ -257,15 +246,17 @@ def _baseline(
     saved: SavedResult,
     root: Array,
     over: Array,
-    changes: Changes,
-    held_out: list[Scores],
+    changes: scores.Changes,
+    held_out: list[scores.Scores],
     references: Sequence[WatchedLog],
 ) -> Baseline:
     record = saved.record
     of_commands = record.is_free and record.torque_source == COMMANDED
-    others = [scores_of_rows(_rows(lib, saved, over, changes, each), root) for each in references]
+    others = [
+        scores.scores_of_rows(_rows(lib, saved, over, changes, each), root) for each in references
+    ]
     known = _delay_sigma(saved), OF_COMMANDS if of_commands else 1.0, bool(record.doubts)
-    usual = usual_of(changes, root.shape[1], held_out, others, *known)
+    usual = scores.usual_of(changes, root.shape[1], held_out, others, *known)
     return Baseline(saved, root, over, changes, usual)
 
 
@@ -287,15 +278,15 @@ def _thinned(recording: Recording) -> Recording:
 
 
 def _rows(
-    lib: Library, saved: SavedResult, over: Array, changes: Changes, log: WatchedLog
-) -> ChangedRows:
+    lib: Library, saved: SavedResult, over: Array, changes: scores.Changes, log: WatchedLog
+) -> scores.ChangedRows:
     """Equations of a log that is long enough, thinned."""
     if isinstance(log, FreeBaseRecording):
         rows = free_changed_rows(lib, saved, log, changes, MOST_ROWS)
     else:
         log = _thinned(log)
         model, samples = model_of(saved, lib), samples_of(log, lib)
-        rows = changed_rows(lib, model, saved.pi, log.t, samples, over, changes.ranges)
+        rows = scores.changed_rows(lib, model, saved.pi, log.t, samples, over, changes.ranges)
     if not rows.tells():
         raise IdentificationError(
             f"'{log.name or 'log'}' holds {np.ptp(log.t):.2g} s of motion, in which changes of "
@@ -310,26 +301,24 @@ def verdict_of(
     """Test whether a log is that of the robot of a result; a known one is in the baseline."""
     saved, changes, usual = baseline.saved, baseline.changes, baseline.usual
     rows = _rows(lib, saved, baseline.over, changes, recording)
-    scores = scores_of_rows(rows, baseline.root)
-    mean, covariance = expected(changes, usual, scores)
-    freedom = max(usual.freedom + scores.blocks - 1, 1.0)
+    seen = scores.scores_of_rows(rows, baseline.root)
+    mean, covariance = scores.expected(changes, usual, seen)
+    freedom = max(usual.freedom + seen.blocks - 1, 1.0)
     lower = np.linalg.cholesky(covariance)
     y, columns = (
         np.asarray(solve_triangular(lower, each, lower=True))
-        for each in (scores.z - mean, scores.columns)
+        for each in (seen.z - mean, seen.columns)
     )
     parts = hypotheses(lib, changes, saved.pi)
 
     def tested(values: Array) -> list[Change]:
         level = ALPHA / len(parts)
-        return [_tested(each, values, columns, freedom, scores.n_eff, level) for each in parts]
+        return [_tested(each, values, columns, freedom, seen.n_eff, level) for each in parts]
 
     tests = tested(y)
-    ranked = _ranked(tests, scores.n_eff)
-    strongest = min(tests, key=lambda test: test.p_value)
-    p_value = min(1.0, strongest.p_value * len(tests))
-    if is_known:
-        p_value = 1.0  # a log of the model itself cannot differ from it
+    ranked = _ranked(tests, seen.n_eff)
+    # A log of the model itself cannot differ from it.
+    p_value = 1.0 if is_known else min(1.0, min(test.p_value for test in tests) * len(tests))
     best, beside = ranked[0], ranked[1:]
     if p_value < ALPHA and best.group != "model":
         everything = float(y @ y) - len(y)
@@ -341,14 +330,14 @@ def verdict_of(
         else:
             (part,) = (each for each in parts if (each.group, each.where) == _part(best))
             axes = _determined(columns @ part.moved)[0]
-            others = _ranked(tested(y - axes @ (axes.T @ y)), scores.n_eff)
+            others = _ranked(tested(y - axes @ (axes.T @ y)), seen.n_eff)
             beside = tuple(each for each in others if _part(each) != _part(best))
     return Verdict(
         recording.name or "log",
         p_value < ALPHA,
         ranked[0],
         p_value,
-        scores.n_eff,
+        seen.n_eff,
         rows.error,
         ranked,
         beside,

@@ -35,6 +35,7 @@ import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library, Mask
+from runtime.monitoring import observer
 from runtime.monitoring.model import CHUNK, SLOW, MonitoredModel
 from runtime.monitoring.noise import (
     REVERSAL_S,
@@ -45,14 +46,6 @@ from runtime.monitoring.noise import (
     near,
     noise_of_observer,
     rate_by_stretches,
-)
-from runtime.monitoring.observer import (
-    Contact,
-    ObserverSettings,
-    contacts_of,
-    external_torques,
-    observer_settings,
-    windows,
 )
 from runtime.recording import Preparation, Recording
 from runtime.recording.friction.model import DAY, LARGE_DAY
@@ -149,7 +142,7 @@ class Detector:
     """Observer with thresholds."""
 
     model: MonitoredModel  # identified model
-    settings: ObserverSettings  # of the observer
+    settings: observer.ObserverSettings  # of the observer
     within_s: float  # time in which r shows 95 % of a step [s]
     rate: AlarmRate  # stated rate of false alarms
     noise: ObserverNoise  # of r in free motion
@@ -180,11 +173,11 @@ class Observation:
     r: Array  # (N, n) external torque, NaN where unknown [N·m, N]
     sigma: Array  # (N, n) standard deviation of r in free motion [N·m, N]
     threshold: Array  # (N, n) [N·m, N]
-    contacts: tuple[Contact, ...]  # in the order of time
+    contacts: tuple[observer.Contact, ...]  # in the order of time
     seconds: float  # duration for which r is known [s]
 
 
-def candidates(rate_hz: float, within_s: float) -> tuple[ObserverSettings, ...]:
+def candidates(rate_hz: float, within_s: float) -> tuple[observer.ObserverSettings, ...]:
     """Observers that show 95 % of a step in a stated time, by window and source of the speed."""
     if not within_s * rate_hz >= LEAST_SAMPLES * (1 - RATE_OFF):
         raise IdentificationError(
@@ -193,7 +186,9 @@ def candidates(rate_hz: float, within_s: float) -> tuple[ObserverSettings, ...]:
         )
     steps = sorted({int(share * within_s * rate_hz) for share in WINDOWS})
     pairs = [(each, "measured") for each in steps] + [(each, "position") for each in steps if each]
-    return tuple(observer_settings(rate_hz, within_s, each, source) for each, source in pairs)
+    return tuple(
+        observer.observer_settings(rate_hz, within_s, each, source) for each, source in pairs
+    )
 
 
 def detector_for(
@@ -212,7 +207,7 @@ def detector_for(
     part = recording.take(slice(0, count), "Took an excerpt.")
     choices = []
     for settings in candidates(part.rate_hz, within_s):
-        (r,) = external_torques(lib, model, settings, part)
+        (r,) = observer.external_torques(lib, model, settings, part)
         noise = noise_of_observer(settings, held_out, part.t, r)
         z = levels(rate.per_second, noise.correlation, settings.rate_hz)
         choices.append(Detector(model, settings, within_s, rate, noise, z, root))
@@ -258,7 +253,7 @@ def signals_of(
     r[~np.isfinite(r).all(axis=1)] = np.nan
     band, extra, rest = (np.zeros_like(recording.q) for _ in range(3))
     unknown, slowest = unknown_dry_friction(lib, model), slow_speeds(lib, model)
-    for rows, motion, torque in windows(lib, model, s, recording):
+    for rows, motion, torque in observer.windows(lib, model, s, recording):
         t, position, speed = recording.t[rows], np.asarray(motion.q), motion.dq
         if detector.root is not None:
             band[rows] = _band(lib, detector, detector.root, motion)
@@ -276,15 +271,15 @@ def signals_of(
 
 
 def both_torques(
-    lib: Library, model: MonitoredModel, s: ObserverSettings, recording: Recording
+    lib: Library, model: MonitoredModel, s: observer.ObserverSettings, recording: Recording
 ) -> tuple[Array, Array, Array]:
     """r, the direct torque with the rate of the momentum over `DIRECT_S`, and the features.
 
     The features (N, n, 3) are what differs between sessions, at the means of the window.
     """
-    r, direct = external_torques(lib, model, s, recording, (1, direct_steps(s.rate_hz)))
+    r, direct = observer.external_torques(lib, model, s, recording, (1, direct_steps(s.rate_hz)))
     features = np.zeros((*r.shape, 3))
-    for rows, motion, _ in windows(lib, model, s, recording):
+    for rows, motion, _ in observer.windows(lib, model, s, recording):
         features[rows] = model.session_features(motion)
     return r, np.where(np.isfinite(r), direct, np.nan), features
 
@@ -316,7 +311,7 @@ def observation_of(lib: Library, detector: Detector, seen: Signals) -> Observati
     """Contacts by the thresholds of a detector."""
     threshold = detector.noise.thresholds(detector.levels, seen.band)
     threshold += detector.share * seen.extra + seen.rest
-    contacts = contacts_of(
+    contacts = observer.contacts_of(
         seen.t, seen.r, seen.sigma, threshold, lib.joint_names, detector.within_s
     )
     seconds = float(np.isfinite(seen.r).any(axis=1).sum() / detector.settings.rate_hz)

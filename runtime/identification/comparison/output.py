@@ -51,8 +51,8 @@ def advise(rows: Sequence[MethodRow], n_base: int) -> Advice:
     """Advice on the rows of one comparison."""
     ran = {row.method: row.figures for row in rows if row.figures is not None}
     if not ran:
-        why = "no method has a result on these data; the reason of each is in its row"
-        return Advice(None, (_capital(why),))
+        why = "No method has a result on these data; the reason of each is in its row"
+        return Advice(None, (why,))
     sound = {name: f for name, f in ran.items() if f.consistent}
     if not sound:
         best = _best(ran)
@@ -71,15 +71,14 @@ def advise(rows: Sequence[MethodRow], n_base: int) -> Advice:
     sentences = [
         f"take {take}: {why}",
         doubt,
-        _consistency(ran),
-        _inconsistent(ran, take),
+        *_consistency(ran, take),
         _boundary(sound, take),
         _prior(ran[take], take, n_base),
         _overfit(ran, take),
         _truth(ran, take),
         _absent(rows),
     ]
-    return Advice(take, tuple(_capital(sentence) for sentence in sentences if sentence))
+    return Advice(take, tuple(text[0].upper() + text[1:] for text in sentences if text))
 
 
 def better_beyond_chance(a: Array, b: Array) -> bool:
@@ -122,32 +121,28 @@ def _choice(sound: dict[str, Figures]) -> tuple[str, str]:
     return take, reason
 
 
-def _consistency(ran: dict[str, Figures]) -> str:
-    bad = [name for name, f in ran.items() if not f.consistent]
+def _consistency(ran: dict[str, Figures], take: str) -> list[str]:
+    """Which results are consistent, and whether another one predicts better."""
+    bad = {name: f for name, f in ran.items() if not f.consistent}
     if not bad:
-        return "every result is physically consistent"
-    return (
+        return ["every result is physically consistent"]
+    verdict = (
         f"physically consistent: {', '.join(n for n in ran if n not in bad) or 'none'}; not "
         f"consistent: {', '.join(bad)}, which must not be used in a simulator"
     )
-
-
-def _inconsistent(ran: dict[str, Figures], take: str) -> str:
-    bad = {name: f for name, f in ran.items() if not f.consistent}
-    if not bad:
-        return ""
     best = _best(bad)
     figures = f"{_held(bad[best])} against {_held(ran[take])} on the validation part"
+    gain = (
+        f"inconsistency brings no gain: {best}, the best of the inconsistent results, does not "
+        f"predict significantly better ({figures})"
+    )
     if _beats(bad[best], ran[take]):
-        return (
+        gain = (
             f"the best inconsistent result, {best}, predicts significantly better ({figures}): "
             "either its additional freedom replaces effects that the model lacks, mostly friction, "
             "or the URDF is a poor prior; use it only for torques of similar motions"
         )
-    return (
-        f"inconsistency brings no gain: {best}, the best of the inconsistent results, does not "
-        f"predict significantly better ({figures})"
-    )
+    return [verdict, gain]
 
 
 def _boundary(sound: dict[str, Figures], take: str) -> str:
@@ -161,9 +156,9 @@ def _boundary(sound: dict[str, Figures], take: str) -> str:
     left_out = [name for name in edge if name not in {take, DEFAULT}]
     if left_out:
         sentence += f", so that {', '.join(left_out)} had no share in the choice"
-    better = [name for name in left_out if _beats(sound[name], sound[take])]
+    better = {name: sound[name] for name in left_out if _beats(sound[name], sound[take])}
     if better:
-        best = _best({name: sound[name] for name in better})
+        best = _best(better)
         sentence += (
             f", although {best} predicts significantly better ({_held(sound[best])} against "
             f"{_held(sound[take])} of {take} on the validation part)"
@@ -192,12 +187,11 @@ def _prior(f: Figures, take: str, n_base: int) -> str:
 def _overfit(ran: dict[str, Figures], take: str) -> str:
     if UNCONSTRAINED not in ran or take == UNCONSTRAINED:
         return ""
-    free = ran[UNCONSTRAINED]
-    change = (
-        f"from {free.train_percent:.3g} to {_percent(free)} between training and test, "
-        f"that of {take} from {ran[take].train_percent:.3g} to {_percent(ran[take])}"
-    )
-    if _growth(free) > OVERFIT * _growth(ran[take]):
+    ends = [(f.train_percent, f.test_percent) for f in (ran[UNCONSTRAINED], ran[take])]
+    free, taken = (f"{first:.3g} to {significant(last, 3)} %" for first, last in ends)
+    change = f"from {free} between training and test, that of {take} from {taken}"
+    growth, usual = (last / max(first, 1e-300) for first, last in ends)
+    if growth > OVERFIT * usual:
         return f"unconstrained least squares over-fits: the error of {UNCONSTRAINED} grows {change}"
     return f"least squares does not over-fit: the error of {UNCONSTRAINED} changes {change}"
 
@@ -234,20 +228,8 @@ def _best(ran: dict[str, Figures]) -> str:
     return min(ran, key=lambda name: ran[name].validation_percent)
 
 
-def _growth(f: Figures) -> float:
-    return f.test_percent / max(f.train_percent, 1e-300)
-
-
-def _percent(f: Figures) -> str:
-    return f"{significant(f.test_percent, 3)} %"
-
-
 def _held(f: Figures) -> str:
     return f"{significant(f.validation_percent, 3)} %"
-
-
-def _capital(sentence: str) -> str:
-    return sentence[:1].upper() + sentence[1:]
 
 
 FORMAT = 1

@@ -168,8 +168,8 @@ def compare(
         pass
     rows += [MethodRow(method, NOT_RUN, UNTOUCHED) for method in methods[len(rows) :]]
     start = partial(Samples.rigid, lib=problem.lib, pi=problem.lib.pi0)
-    before = _misfit(_part(assembly, "test"), start).error.overall
-    return Comparison(assembly, tuple(rows), before, optimum, truth)
+    before, *_ = _misfit(_part(assembly, "test"), start)
+    return Comparison(assembly, tuple(rows), before.overall, optimum, truth)
 
 
 def _row(
@@ -196,16 +196,13 @@ def _figures(
     assembly: Assembly, result: Identification, optimum: float, truth: TrueParameters | None
 ) -> Figures:
     problem, lib = assembly.problem, result.lib
-    training = _misfit(problem.samples("train"), result.predict_samples)
-    shown = training
+    predict = result.predict_samples
+    shown, _, means = _misfit(problem.samples("train"), predict)
     if assembly.shown is not None:
-        shown = _misfit(_part(assembly, "train"), result.predict_samples)
-    held = _misfit(_part(assembly, "validation"), result.predict_samples)
-    unseen = _misfit(_part(assembly, "test"), result.predict_samples)
-
-    def loss(power: Array) -> float:
-        return float(power @ problem.weights / (2 * training.count))
-
+        shown, *_ = _misfit(_part(assembly, "train"), predict)
+    held, squares, _ = _misfit(_part(assembly, "validation"), predict)
+    unseen, *_ = _misfit(_part(assembly, "test"), predict)
+    loss, zero_loss = map(float, means @ problem.weights / 2)
     posterior = uncertainty_of(
         lib,
         problem.train,
@@ -219,20 +216,19 @@ def _figures(
     wrong = None
     if truth is not None:
         wrong = 100 * float(np.linalg.norm(result.beta - truth.beta) / np.linalg.norm(truth.beta))
-    gap = (loss(training.power) - optimum) / max(optimum, TINY * loss(training.total))
     return Figures(
-        train_percent=shown.error.overall,
-        validation_percent=held.error.overall,
-        test_percent=unseen.error.overall,
-        rms=unseen.error.rms,
-        squares=held.squares,
+        train_percent=shown.overall,
+        validation_percent=held.overall,
+        test_percent=unseen.overall,
+        rms=unseen.rms,
+        squares=squares,
         base_error_percent=wrong,
         seconds=result.seconds,
         iterations=result.iterations,
         smallest_relative_eigenvalue=float(smallest.min()),
         consistent=result.is_consistent,
         boundary=result.is_consistent and bool(np.abs(smallest).min() < BOUNDARY),
-        gap_to_convex_optimum=gap,
+        gap_to_convex_optimum=(loss - optimum) / max(optimum, TINY * zero_loss),
         excited=posterior.rank,
         determined=posterior.determined,
         contradictions=posterior.contradictions,
@@ -240,32 +236,20 @@ def _figures(
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Misfit:
-    """Sums of squared torques and residuals of a model on one part."""
+def _misfit(
+    parts: Iterable[Samples], predict: Callable[[Samples], Array]
+) -> tuple[metrics.TorqueError, Array, Array]:
+    """Torque error, Σ_j (τ_j − τ̂_j)² of every sample (N,), and mean squares of τ − τ̂ and τ, (2, n).
 
-    power: Array  # Σ (τ − τ̂)² per joint, (n,)
-    total: Array  # Σ τ² per joint, (n,)
-    squares: Array  # Σ_j (τ_j − τ̂_j)² of every sample, (N,)
-
-    @property
-    def count(self) -> int:
-        return len(self.squares)
-
-    @property
-    def error(self) -> metrics.TorqueError:
-        return metrics.torque_error_of(np.sqrt(self.power), np.sqrt(self.total), self.count)
-
-
-def _misfit(parts: Iterable[Samples], predict: Callable[[Samples], Array]) -> _Misfit:
-    """Sums over all rows, one piece at a time."""
-    power, total = np.zeros((2, 1))
-    squares = []
+    The rows come one piece at a time.
+    """
+    sums, squares = np.zeros((2, 1)), []
     for samples in parts:
         rest = (samples.tau - predict(samples)) ** 2
-        power, total = power + rest.sum(axis=0), total + np.sum(samples.tau**2, axis=0)
+        sums = sums + np.stack([rest.sum(axis=0), np.sum(samples.tau**2, axis=0)])
         squares.append(rest.sum(axis=1))
-    return _Misfit(power, total, np.concatenate(squares))
+    whole, (size, scale) = np.concatenate(squares), np.sqrt(sums)
+    return metrics.torque_error_of(size, scale, len(whole)), whole, sums / len(whole)
 
 
 def _part(assembly: Assembly, name: str) -> Iterable[Samples]:

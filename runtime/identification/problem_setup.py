@@ -20,7 +20,7 @@ from runtime.estimators.regression.samples import Samples, samples_of, thesis_we
 from runtime.identification import settings as fit_settings
 from runtime.identification.current_gains import in_torque
 from runtime.identification.identified import Identification
-from runtime.library import Array, Library, Mask
+from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.consistency import require_plausible
 from runtime.recording.coupled_joints import independent_joints
@@ -157,15 +157,23 @@ def assemble(
     )
     trained = fit_settings.shares_of(recording, chosen) if is_cut else EVERYTHING
     span = trained.joined() if is_joined else trained.train
-    first = assembly.parts[0]
+    first, moving = assembly.parts[0], replace(usual, rest_speed=None)
     rounding = np.reshape(np.asarray(assembly.problem.left_out), (lib.n_joints, -1))
-    origin = Origin(
-        recording,
-        terms,
-        _aligned(first, span, lib, usual, prepared, rounding),
-        (first.t[0], first.t[-1]),
-        chosen.inputs or {},
-    )
+
+    def aligned(other: Recording) -> Samples:
+        """Samples of a recording of the same clock, prepared alike, at the rows of the training."""
+        seen = other.take(rows_between(other.t, *span), "Took the rows of the training part.")
+        done = without_columns(prepared(seen, moving), rounding)
+
+        def at(values: Array) -> Array:
+            flat = values.reshape(len(done), -1).T
+            taken = np.stack([np.interp(first.t, done.t, row) for row in flat], axis=1)
+            return taken.reshape(len(first), *values.shape[1:])
+
+        return samples_of(done.mapped(at, "Taken at the rows of the training.", t=first.t), lib)
+
+    ends = first.t[0], first.t[-1]
+    origin = Origin(recording, terms, aligned, ends, chosen.inputs or {})
     return replace(assembly, is_cut=is_cut, origin=origin)
 
 
@@ -233,31 +241,6 @@ def assembled(
         notes=left_out_note(rounding, lib.joint_names, names),
         is_joined=is_joined,
     )
-
-
-def _aligned(
-    part: Recording,
-    share: tuple[float, float],
-    lib: Library,
-    steps: Preparation,
-    prepared: Callable[[Recording, Preparation], Recording],
-    rounding: Mask,
-) -> Callable[[Recording], Samples]:
-    """Map from a recording of the same clock, prepared alike, to samples at the rows of `part`."""
-    usual = replace(steps, rest_speed=None)
-
-    def rows(other: Recording) -> Samples:
-        seen = other.take(rows_between(other.t, *share), "Took the rows of the training part.")
-        done = without_columns(prepared(seen, usual), rounding)
-
-        def at(values: Array) -> Array:
-            flat = values.reshape(len(done), -1).T
-            taken = np.stack([np.interp(part.t, done.t, row) for row in flat], axis=1)
-            return taken.reshape(len(part), *values.shape[1:])
-
-        return samples_of(done.mapped(at, "Taken at the rows of the training.", t=part.t), lib)
-
-    return rows
 
 
 def known_friction(

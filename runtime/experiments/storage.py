@@ -50,7 +50,6 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 HASH = b"config_hash"
-_TEXT, _WHOLE, _CLAIM, _LIST = ("case", "method", "status"), ("trial",), ("consistent",), ("curve",)
 
 
 def arrow() -> Any:
@@ -69,7 +68,12 @@ def write_rows(rows: list[Row], path: Path, mark: str) -> None:
     """Write rows as Parquet, with columns in the order of their first appearance."""
     pa = arrow()
     names = list(dict.fromkeys(name for row in rows for name in row))
-    fields = [pa.field(name, _type(pa, name)) for name in names]
+    kinds = dict.fromkeys(("case", "method", "status"), pa.string()) | {
+        "trial": pa.int64(),
+        "consistent": pa.bool_(),
+        "curve": pa.list_(pa.float64()),
+    }
+    fields = [pa.field(name, kinds.get(name, pa.float64())) for name in names]
     table = pa.Table.from_pylist(rows, schema=pa.schema(fields, metadata={HASH: mark.encode()}))
     with replacing(path) as file:
         pa.parquet.write_table(table, file, write_page_checksum=True)
@@ -85,16 +89,6 @@ def read_rows(path: Path, mark: str) -> list[Row] | None:
     if metadata.get(HASH, b"").decode(errors="replace") != mark:
         return None
     return [{k: v for k, v in row.items() if v is not None} for row in rows]
-
-
-def _type(pa: Any, name: str) -> Any:
-    if name in _TEXT:
-        return pa.string()
-    if name in _WHOLE:
-        return pa.int64()
-    if name in _CLAIM:
-        return pa.bool_()
-    return pa.list_(pa.float64()) if name in _LIST else pa.float64()
 
 
 class Chunks:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.entropic_prior import CAD, Prior, prior_of
-from runtime.estimators.convex.newton import ConvexProblem, convex_problem, task_of
+from runtime.estimators.convex.newton import convex_problem, task_of
 from runtime.estimators.regression.factor import Statistics, compress, from_triangle, reduce
 from runtime.estimators.regression.samples import Samples
 from runtime.identification.expected_accuracy import expected as accuracy
@@ -152,18 +152,19 @@ class OnlineEstimator:
     @one_blas_thread
     def estimate(self) -> OnlineEstimate:
         """The most probable consistent model of the samples so far."""
-        lib, statistics = self._lib, self.statistics
-        unknowns = len(self._triangle) - 1
-        if self._count * lib.n_joints < unknowns + 1:
-            return self._estimate_of(np.zeros((lib.n_joints, self._columns)), 0.0, 0, False)
-        data, eliminated = reduce(statistics, lib.n_joints)
-        size = float(statistics.target @ statistics.target) / self._count
-        gamma = self._kappa * max(data.variance, PERFECT * size) / self._count
+        lib, statistics, gamma = self._lib, self.statistics, 0.0
+        if self._count * lib.n_joints >= len(self._triangle):  # an equation more than unknowns
+            data, eliminated = reduce(statistics, lib.n_joints)
+            size = float(statistics.target @ statistics.target) / self._count
+            gamma = self._kappa * max(data.variance, PERFECT * size) / self._count
         if not gamma > 0:
             return self._estimate_of(np.zeros((lib.n_joints, self._columns)), 0.0, 0, False)
-        self._pi, steps, converged = self._newton(convex_problem(data, self._prior, gamma))
+        # Compiled Newton steps, to a tolerance at which the start has no effect on the result.
+        task = task_of(convex_problem(data, self._prior, gamma), np.ones(1), self._pi)
+        (answer,) = CompiledConvex(lib.binding, [task], DECREMENT, MOST_STEPS).run()
+        self._pi, steps = answer.points[0], int(answer.steps.sum())
         phi = eliminated.phi(self._pi).reshape(lib.n_joints, self._columns)
-        return self._estimate_of(phi, data.variance, steps, converged)
+        return self._estimate_of(phi, data.variance, steps, answer.converged)
 
     def gain_of_recording(self, seconds: float, rate_hz: float) -> accuracy.GainOfRecording:
         """Gain of some more seconds of the same motion.
@@ -214,12 +215,6 @@ class OnlineEstimator:
             The sentence.
         """
         return accuracy.verdict([self.gain_of_recording(each, rate_hz) for each in seconds])
-
-    def _newton(self, problem: ConvexProblem) -> tuple[Array, int, bool]:
-        """Compiled Newton steps, to a tolerance at which the start has no effect on the result."""
-        task = task_of(problem, np.ones(1), self._pi)
-        (answer,) = CompiledConvex(self._lib.binding, [task], DECREMENT, MOST_STEPS).run()
-        return answer.points[0], int(answer.steps.sum()), answer.converged
 
     def _estimate_of(
         self, phi: Array, variance: float, steps: int, converged: bool

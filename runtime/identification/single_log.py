@@ -65,9 +65,8 @@ def is_torque(names: Iterable[str]) -> Mask:
 
 def without_torque_columns(terms: Friction) -> Friction:
     """The terms without columns of the torque, for choices by the error of a fit."""
-    flags = is_torque(terms.columns)
-    kept = (name for name, flag in zip(terms.columns, flags, strict=True) if not flag)
-    return replace(terms, columns=tuple(kept))
+    kept = tuple(name for name in terms.columns if not is_torque([name]).any())
+    return replace(terms, columns=kept)
 
 
 def with_modelled_torque(assembly: Assembly, fit: Callable[[Problem], Fit]) -> Assembly:

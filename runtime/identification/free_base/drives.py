@@ -197,7 +197,10 @@ def drives_of(
         names = drives.names(lib.joint_names)
         unit = NoiseFloor(np.ones(samples.equations), 1.0)
         fit = fit_by(problem_of(lib, samples, samples, names, unit, None), "map", None, prior)
-        after = _noise(rows, residuals(lib, rows.samples, fit.pi, fit.phi), before, choice)
+        error, used = residuals(lib, samples, fit.pi, fit.phi), equations.CHOSEN[choice]
+        part = covariance_after(np.eye(len(rows.root)), rows.basis, error)
+        after = before.copy()
+        after[used, used] = rows.root @ part @ rows.root.T
         ratio = np.diagonal(after) / np.diagonal(before)
         is_steady = np.abs(np.sqrt(ratio) - 1.0).max() < DONE
         drives = replace(drives, covariance=after)
@@ -262,15 +265,6 @@ def _first_noise(lib: Library, motion: FreeBaseMotion) -> Array:
     size = rms(np.asarray(motion.tau))
     sigma[FREEDOM:] = FIRST * np.maximum(size, 1e-3 * max(float(size.max()), 1e-300))
     return np.diag(sigma**2)
-
-
-def _noise(rows: equations.FreeBaseRows, error: Array, covariance: Array, choice: str) -> Array:
-    """Covariance of the rows after a pass, (6 + n, 6 + n)."""
-    part = covariance_after(np.eye(len(rows.root)), rows.basis, error)
-    used = equations.CHOSEN[choice]
-    covariance = covariance.copy()
-    covariance[used, used] = rows.root @ part @ rows.root.T
-    return covariance
 
 
 def covariance_after(

@@ -289,7 +289,7 @@ def test_three_sensors_are_not_a_wrong_model(
         z[names.index(("sensor gain", name))] = size
     zero = np.zeros((width, 0))
     monkeypatch.setattr(
-        drift,
+        drift.scores,
         "scores_of_rows",
         lambda *_: Scores(z, 1e3 * np.eye(width), zero, zero, np.eye(width), 1.0, 99, 1e3),
     )

@@ -293,7 +293,7 @@ def test_three_sensors_are_not_a_wrong_model(
         "scores_of_rows",
         lambda *_: Scores(z, 1e3 * np.eye(width), zero, zero, np.eye(width), 1.0, 99, 1e3),
     )
-    monkeypatch.setattr(drift, "expected", lambda *_: (np.zeros(width), np.eye(width)))
+    monkeypatch.setattr(drift.scores, "expected", lambda *_: (np.zeros(width), np.eye(width)))
     verdict = verdict_of(lib, baseline, log)
     assert (verdict.best.group, verdict.best.where) == ("sensor gain", "fr3_joint1")
     assert [each.where for each in verdict.beside[:2]] == ["fr3_joint3", "fr3_joint6"]

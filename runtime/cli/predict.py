@@ -1,6 +1,5 @@
 """`symgen predict`."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,30 +16,10 @@ from runtime.errors import IdentificationError
 from runtime.excitation.search.criteria import unseen_joints
 from runtime.excitation.search.information import FRICTION, NOISE, RATE, information
 from runtime.excitation.trajectory_file import read_trajectory
-from runtime.identification.expected_accuracy.expected import (
-    SECONDS,
-    TOTAL_MASS,
-    Expected,
-    GainOfRecording,
-    Knowledge,
-    expected,
-    expected_of_walk,
-    facts,
-    gain_slopes,
-    gained,
-    growth,
-    named_of_walk,
-    unseen_torque,
-    verdict,
-)
-from runtime.identification.expected_accuracy.planned_samples import (
-    MotionSamples,
-    Noise,
-    information_of_logs,
-    motion_samples_of,
-    noise_of,
-    planned_recording,
-)
+from runtime.identification.expected_accuracy import expected as accuracy
+from runtime.identification.expected_accuracy import planned_samples
+from runtime.identification.expected_accuracy.expected import SECONDS, Expected
+from runtime.identification.expected_accuracy.planned_samples import MotionSamples
 from runtime.identification.identify import identify
 from runtime.identification.prepared_log import prepared_log
 from runtime.identification.settings import Settings
@@ -122,30 +101,34 @@ def predict_command(given: PredictSettings) -> None:
         _predict_walk(lib, given)
         return
     require_unused([given.plot] if given.plot else [], given.overwrite, "the setting plot")
-    gains = _gain_error(given.gain_error, given.payload_only)
+    gain_error = _gain_error(given)
     if given.log_rate is not None:
         information(lib, rate=given.log_rate)  # raises where the rate is out of range
-    _require_rates_apply(
-        [given.trajectory, *([] if given.more in {None, SAME} else [str(given.more)])],
-        given.log_rate,
-        given.rate,
-    )
-    moved = _moved(given, lib, given.trajectory, given.log_rate)
-    situation = situation_of(lib, moved, given)
+    _require_rates_apply(given)
+    moved = _moved(given, lib)
+    situation = situation_of(lib, moved, given, gain_error)
     now = situation.expected()
-    further = None if given.more is None else _further(situation, given)
-    steps = () if further is None else _gains(situation, now, further)
+    further = moved
+    if given.more not in {None, SAME}:  # the motion that goes on, with the friction of this one
+        rate = given.log_rate or moved.rate
+        other = replace(given, trajectory=given.more, log_rate=rate, recipe=None, run=None)
+        further = _moved(other, lib, moved.terms)
+        further.require_columns(moved.columns)
+    steps = situation.steps(now, further) if given.more else ()
     if given.plot is not None:
-        more = None if further is moved else further
-        until = 0.0 if further is None else SECONDS[-1]
-        common = situation.moved, situation.noise, situation.known, situation.unit
-        drawn = growth(lib, *common, more=more, until=until)
-        draw_growth(drawn, given.plot)
+        draw_growth(
+            accuracy.growth(
+                *(lib, moved, situation.noise, situation.known, situation.unit),
+                more=None if further is moved else further,
+                until=SECONDS[-1] if given.more else 0.0,
+            ),
+            given.plot,
+        )
     if given.as_json:
-        figures = _facts(situation, now, gains, steps)
-        print(json_text(figures), end="")
+        print(json_text(situation.facts(now) | facts_of_steps(steps)), end="")
         return
-    _show(situation, now, gains, steps)
+    situation.show(now)
+    _show_steps(steps)
     if given.plot is not None:
         say(f"plot: {given.plot}")
 
@@ -164,17 +147,19 @@ def _predict_walk(lib: Library, given: PredictSettings) -> None:
         )
     log = read_free_base(given.trajectory)
     result = identify(log, lib, cutoff=given.cutoff, friction=given.friction)
-    now, names = expected_of_walk(result), named_of_walk
+    now, names = accuracy.expected_of_walk(result), accuracy.named_of_walk
     before = names(result, now)
     steps = tuple(
-        gained(before, names(result, expected_of_walk(result, s)), s, "the same motion")
+        accuracy.gained(
+            before, names(result, accuracy.expected_of_walk(result, s)), s, "the same motion"
+        )
         for s in (SECONDS if given.more else ())
     )
-    columns = list(result.friction.columns)
+    columns, total = list(result.friction.columns), before[accuracy.TOTAL_MASS]
     if given.as_json:
         figures = {"robot": lib.name, "motion": log.name, "seconds": result.evidence.seconds}
-        known = figures | {"friction": columns, TOTAL_MASS: before[TOTAL_MASS]} | facts(now, lib)
-        print(json_text(known | facts_of_steps(steps)), end="")
+        known = figures | {"friction": columns, accuracy.TOTAL_MASS: total}
+        print(json_text(known | accuracy.facts(now, lib) | facts_of_steps(steps)), end="")
         return
     say(
         f"{log.name}: {result.evidence.seconds:.3g} s are fitted, friction columns: "
@@ -182,10 +167,8 @@ def _predict_walk(lib: Library, given: PredictSettings) -> None:
     )
     show(planned_log.base_table(now, lib))
     show(planned_log.link_table(now, lib))
-    say(f"total mass to ±{1000 * before[TOTAL_MASS]:.1f} g")
-    if steps:
-        show(planned_log.gain_table(steps))
-        say(verdict(steps))
+    say(f"total mass to ±{1000 * total:.1f} g")
+    _show_steps(steps)
 
 
 _MOMENTUM = "; rows of momentum, which show more than the rows of energy that the recipe states"
@@ -201,14 +184,15 @@ class Situation:
     unit: float  # samples per independent sample, at least 1
     from_residuals: bool  # whether `noise` is from the residuals of the motion itself
     planned: planned_log.TorqueNoise  # noise that was given, or that of a planned motion
-    known: Knowledge  # prior and earlier logs
+    known: accuracy.Knowledge  # prior and earlier logs
+    gain_error: float  # σ of the torque gain of every joint, relative to one
 
     def expected(self, more: MotionSamples | None = None, seconds: float = 0.0) -> Expected:
         """Expected accuracy of the motion, and of some seconds of another motion after it."""
         statistics = self.moved.statistics(self.lib, self.noise)
         if more is not None:
             statistics = statistics.merged(more.statistics(self.lib, self.noise, seconds))
-        sigmas = expected(self.lib, statistics, self.known, self.unit, self.moved.columns)
+        sigmas = accuracy.expected(self.lib, statistics, self.known, self.unit, self.moved.columns)
         if self.known.payload_only and sigmas.payload is None:
             raise IdentificationError(
                 f"'{self.moved.name}' does not determine all ten parameters of a payload; give a "
@@ -237,10 +221,10 @@ class Situation:
             f"noise {size} {unit}{origin}; friction columns: {beside}{earlier}{rows}"
         )
 
-    def facts(self) -> dict[str, object]:
-        """The same as JSON-ready values."""
-        count = len(self.moved.samples)
-        return {
+    def facts(self, now: Expected) -> dict[str, object]:
+        """The same and the accuracy, JSON-ready."""
+        count, alone = len(self.moved.samples), self.known.payload_only
+        figures = {
             "robot": self.lib.name,
             "motion": self.moved.name,
             "seconds": self.moved.seconds,
@@ -253,45 +237,73 @@ class Situation:
             "friction": list(self.moved.columns),
             "earlier_logs_count": self.known.earlier is not None,
         }
+        figures |= accuracy.facts(now, self.lib, alone)
+        if not alone:
+            torque, whole = self._unseen(now)
+            figures["torque_of_unseen_motions"] = torque.tolist()
+            figures["gain_error"] = self.gain_error
+            figures["torque_of_unseen_motions_with_gains"] = whole.tolist()
+        return figures
+
+    def show(self, now: Expected) -> None:
+        """Print the accuracy."""
+        lib, alone = self.lib, self.known.payload_only
+        say(self.sentence())
+        if not alone:
+            show(planned_log.base_table(now, lib))
+            show(planned_log.link_table(now, lib))
+            torque, whole = self._unseen(now)
+            units = torque_units(lib.manifest)
+            say(planned_log.torque_sentence(torque, units))
+            if self.gain_error:
+                say(planned_log.torque_sentence(whole, units, self.gain_error))
+        say(planned_log.payload_sentence(now, alone))
+        if not self.from_residuals and self.planned.sentence():
+            say(self.planned.sentence())
+
+    def steps(self, now: Expected, further: MotionSamples) -> tuple[accuracy.GainOfRecording, ...]:
+        """Gains of recording on, with a further motion."""
+        lib, alone = self.lib, self.known.payload_only
+        name = "the same motion" if further is self.moved else further.name
+        before = now.by_name(lib, alone)
+        later = (self.expected(further, s).by_name(lib, alone) for s in SECONDS)
+        return tuple(
+            accuracy.gained(before, after, s, name) for s, after in zip(SECONDS, later, strict=True)
+        )
+
+    def _unseen(self, now: Expected) -> tuple[Array, Array]:
+        """σ of the torque of motions never seen, per joint, without and with errors of gains."""
+        lib = self.lib
+        unseen = unseen_joints(lib, lib.home)
+        torque = accuracy.unseen_torque(lib.base_matrix @ now.root, unseen)
+        slopes = accuracy.gain_slopes(lib, self.moved, self.noise, self.known, self.unit)
+        by_gains = accuracy.unseen_torque(self.gain_error * (lib.base_matrix @ slopes), unseen)
+        return torque, np.hypot(torque, by_gains)
 
 
-def situation_of(lib: Library, moved: MotionSamples, stated: PredictSettings) -> Situation:
+def situation_of(
+    lib: Library, moved: MotionSamples, given: PredictSettings, gain_error: float
+) -> Situation:
     """Situation of the options; the noise is by default that of the log's residuals."""
-    given = (
-        None
-        if stated.noise is None
-        else planned_log.planned_noise(lib, stated.noise, moved.columns)
-    )
-    planned = given or planned_log.TorqueNoise(np.full(lib.n_joints, NOISE))
-    residual_noise: Noise | None = noise_of(lib, moved)
-    known = replace(Knowledge.of(lib), payload_only=stated.payload_only)
-    if residual_noise is not None:
-        known = replace(known, pi=residual_noise.pi, error=residual_noise.error)
-    from_residuals = given is None and residual_noise is not None
-    sigma = residual_noise.sigma if from_residuals and residual_noise is not None else planned.sigma
-    if stated.earlier_log:
-        logs = [read_recording(log, joints=lib.joint_names) for log in stated.earlier_log]
-        known = replace(known, earlier=information_of_logs(lib, logs, sigma, moved.columns))
-    unit = planned.rows_per_independent(moved.rate)
-    if residual_noise is not None and planned.log is None:
-        unit = residual_noise.inflation
-    return Situation(lib, moved, sigma, unit, from_residuals, planned, known)
+    planned = planned_log.TorqueNoise(np.full(lib.n_joints, NOISE))
+    if given.noise is not None:
+        planned = planned_log.planned_noise(lib, given.noise, moved.columns)
+    sigma, unit = planned.sigma, planned.rows_per_independent(moved.rate)
+    known = replace(accuracy.Knowledge.of(lib), payload_only=given.payload_only)
+    residual = planned_samples.noise_of(lib, moved)
+    if residual is not None:
+        known = replace(known, pi=residual.pi, error=residual.error)
+        sigma = residual.sigma if given.noise is None else sigma
+        unit = residual.inflation if planned.log is None else unit
+    if given.earlier_log:
+        logs = [read_recording(log, joints=lib.joint_names) for log in given.earlier_log]
+        earlier = planned_samples.information_of_logs(lib, logs, sigma, moved.columns)
+        known = replace(known, earlier=earlier)
+    from_residuals = residual is not None and given.noise is None
+    return Situation(lib, moved, sigma, unit, from_residuals, planned, known, gain_error)
 
 
-def _facts(
-    situation: Situation, now: Expected, gain_error: float, steps: tuple[GainOfRecording, ...]
-) -> dict[str, object]:
-    lib, alone = situation.lib, situation.known.payload_only
-    figures = situation.facts() | facts(now, lib, alone)
-    if not alone:
-        torque, whole = _unseen(situation, now, gain_error)
-        figures["torque_of_unseen_motions"] = torque.tolist()
-        figures["gain_error"] = gain_error
-        figures["torque_of_unseen_motions_with_gains"] = whole.tolist()
-    return figures | facts_of_steps(steps)
-
-
-def facts_of_steps(steps: tuple[GainOfRecording, ...]) -> dict[str, object]:
+def facts_of_steps(steps: tuple[accuracy.GainOfRecording, ...]) -> dict[str, object]:
     """Gains of recording on as JSON-ready values; none without them."""
     if not steps:
         return {}
@@ -299,120 +311,64 @@ def facts_of_steps(steps: tuple[GainOfRecording, ...]) -> dict[str, object]:
         {"seconds": step.seconds, "motion": step.motion, "gains": dict(step.gains)}
         for step in steps
     ]
-    return {"more": more, "verdict": verdict(steps)}
+    return {"more": more, "verdict": accuracy.verdict(steps)}
 
 
-def _show(
-    situation: Situation, now: Expected, gain_error: float, steps: tuple[GainOfRecording, ...]
-) -> None:
-    lib, alone = situation.lib, situation.known.payload_only
-    say(situation.sentence())
-    if not alone:
-        show(planned_log.base_table(now, lib))
-        show(planned_log.link_table(now, lib))
-        torque, whole = _unseen(situation, now, gain_error)
-        units = torque_units(lib.manifest)
-        say(planned_log.torque_sentence(torque, units))
-        if gain_error:
-            say(planned_log.torque_sentence(whole, units, gain_error))
-    say(planned_log.payload_sentence(now, alone))
-    if not situation.from_residuals and situation.planned.sentence():
-        say(situation.planned.sentence())
+def _show_steps(steps: tuple[accuracy.GainOfRecording, ...]) -> None:
     if steps:
         show(planned_log.gain_table(steps))
-        say(verdict(steps))
+        say(accuracy.verdict(steps))
 
 
-def _unseen(situation: Situation, now: Expected, gain_error: float) -> tuple[Array, Array]:
-    """σ of the torque of motions never seen, per joint, without and with errors of the gains."""
-    lib, s = situation.lib, situation
-    unseen = unseen_joints(lib, lib.home)
-    torque = unseen_torque(lib.base_matrix @ now.root, unseen)
-    slopes = gain_slopes(lib, s.moved, s.noise, s.known, s.unit)
-    by_gains = unseen_torque(gain_error * (lib.base_matrix @ slopes), unseen)
-    return torque, np.hypot(torque, by_gains)
-
-
-def _gain_error(given: float | None, payload_only: bool) -> float:
-    if given is None:
+def _gain_error(given: PredictSettings) -> float:
+    if given.gain_error is None:
         return ModelError().gain
-    if payload_only:
+    if given.payload_only:
         raise IdentificationError(
             "the setting gain_error changes the σ of predicted torque, which --settings "
             "payload_only=true does not print; leave out one of them"
         )
-    planned_log.require_gain_error(given)
-    return given
+    planned_log.require_gain_error(given.gain_error)
+    return given.gain_error
 
 
-def _moved(
-    given: PredictSettings,
-    lib: Library,
-    source: str,
-    log_rate: float | None,
-    terms: Friction | None = None,
-) -> MotionSamples:
+def _moved(given: PredictSettings, lib: Library, terms: Friction | None = None) -> MotionSamples:
     """A trajectory, sampled, or a log, prepared; `terms` are those of the motion before."""
+    source = given.trajectory
     if _is_motion(source):
-        motion = read_trajectory(Path(source), lib)
-        t = sample_times(motion.duration, log_rate or RATE)
+        motion, rate = read_trajectory(Path(source), lib), given.log_rate or RATE
+        t = sample_times(motion.duration, rate)
         if len(t) > MOST_ROWS:
             raise IdentificationError(
                 f"a planned log has at most {MOST_ROWS:,} rows, got {len(t):,} by the setting "
-                f"log_rate={log_rate or RATE:g}; lower it: σ falls with the root of the rate"
+                f"log_rate={rate:g}; lower it: σ falls with the root of the rate"
             )
-        recording = planned_recording(motion, t, lib, Path(source).stem)
-        return motion_samples_of(recording, lib, None, terms or _friction(given.friction))
-    wanted = Settings(friction=given.friction, cutoff=given.cutoff, rate=given.rate)
+        recording = planned_samples.planned_recording(motion, t, lib, Path(source).stem)
+        names = FRICTION if given.friction is None else planned_log.friction_columns(given.friction)
+        return planned_samples.motion_samples_of(recording, lib, None, terms or Friction(names))
+    friction = None if terms else given.friction
+    wanted = Settings(friction=friction, cutoff=given.cutoff, rate=given.rate)
     with counting(state()) as bar:
         log = read_recording(source, given.recipe, given.run, lib.joint_names)
         data = prepared_log(log, lib, wanted, progress=shown_progress(bar, "predict", lib.name))
-    terms = terms or data.friction or _friction(None)
-    return motion_samples_of(data.recording, lib, data.preparation, terms)
+    terms = terms or data.friction or Friction(FRICTION)
+    return planned_samples.motion_samples_of(data.recording, lib, data.preparation, terms)
 
 
 def _is_motion(source: str) -> bool:
     return Path(source).suffix == ".json"
 
 
-def _require_rates_apply(
-    sources: Sequence[str], log_rate: float | None, rate: float | None
-) -> None:
+def _require_rates_apply(given: PredictSettings) -> None:
     """Refuse a rate that no motion or no log would take."""
-    if log_rate is not None and not any(map(_is_motion, sources)):
+    sources = [each for each in (given.trajectory, given.more) if each and each != SAME]
+    if given.log_rate is not None and not any(map(_is_motion, sources)):
         raise IdentificationError(
             "the setting log_rate is the rate at which a planned motion (.json) will be recorded, "
             f"but '{sources[0]}' is a log; give --settings rate=HZ to decimate it"
         )
-    if rate is not None and all(map(_is_motion, sources)):
+    if given.rate is not None and all(map(_is_motion, sources)):
         raise IdentificationError(
             f"the setting rate is the rate to which a log is decimated, but '{sources[0]}' is a "
             "planned motion; give --settings log_rate=NUMBER"
         )
-
-
-def _friction(text: str | None) -> Friction:
-    return Friction(FRICTION if text is None else planned_log.friction_columns(text))
-
-
-def _further(situation: Situation, given: PredictSettings) -> MotionSamples:
-    """The motion that goes on, with the friction of the one before."""
-    moved = situation.moved
-    if given.more == SAME:
-        return moved
-    other = replace(given, recipe=None, run=None, friction=None)
-    rate = given.log_rate or moved.rate
-    further = _moved(other, situation.lib, str(given.more), rate, moved.terms)
-    further.require_columns(moved.columns)
-    return further
-
-
-def _gains(
-    situation: Situation, now: Expected, further: MotionSamples
-) -> tuple[GainOfRecording, ...]:
-    lib, only = situation.lib, situation.known.payload_only
-    name = "the same motion" if further is situation.moved else further.name
-    before = now.by_name(lib, only)
-    return tuple(
-        gained(before, situation.expected(further, s).by_name(lib, only), s, name) for s in SECONDS
-    )

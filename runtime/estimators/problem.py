@@ -57,11 +57,8 @@ class FrictionPrior:
     def over(self, other: "FrictionPrior") -> "FrictionPrior":
         """This prior, and another one where it states none."""
         known = np.isfinite(self.sigma)
-        mean, sigma = (
-            np.where(known, self.mean, other.mean),
-            np.where(known, self.sigma, other.sigma),
-        )
-        return FrictionPrior(mean, sigma)
+        mean = np.where(known, self.mean, other.mean)
+        return FrictionPrior(mean, np.where(known, self.sigma, other.sigma))
 
     def statistics(self, like: Statistics, variance: float) -> Statistics:
         """The prior as rows of least squares."""

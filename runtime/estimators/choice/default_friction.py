@@ -37,7 +37,7 @@ from runtime.estimators.choice.friction_choice import (
     LEAST_GAIN,
     excess_of,
     misfit,
-    predicted,
+    noise_of_blocks,
     solved,
 )
 from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
@@ -330,13 +330,7 @@ def trial_on(done: Recording, lib: Library, robust: bool) -> FrictionTrial:
         rows = explicit(lib, whole)
         whole = rows.weighted(weights_of_rows(lib, rows).weights)
         blocks = [whole.rows(cut) for cut in cuts]
-    weights = thesis_weights(whole.tau)
-    for _ in range(_PASSES):
-        stats = [compress(lib, block, weights) for block in blocks]
-        x, _rank = solved([stats[0].merged(*stats[1:])])
-        rests = [b.tau - predicted(lib, b, x) for b in blocks]
-        variance = np.mean(np.concatenate(rests) ** 2, axis=0)
-        weights = 1.0 / np.maximum(variance, 1e-12 * variance.max() + 1e-30)
+    weights, rests = noise_of_blocks(lib, blocks, thesis_weights(whole.tau), _PASSES)
     stats = [compress(lib, block, weights) for block in blocks]
     samples_per_independent = inflation(np.concatenate(rests), weights)
     prior = _prior(lib, stats[0], whole.rows(taken), samples_per_independent)

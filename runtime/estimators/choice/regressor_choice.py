@@ -34,7 +34,7 @@ from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError, RuntimeFault
 from runtime.estimators.choice import friction_choice
 from runtime.estimators.regression.coloured_noise import coloured_noise_of
-from runtime.estimators.regression.factor import Statistics, compress
+from runtime.estimators.regression.factor import compress
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording, Split
@@ -51,7 +51,6 @@ BELOW_RATE = 0.4  # largest cut-off over the rate
 ROWS_PER_CUTOFF = 10.0  # rate of the rows that are kept, over the cut-off
 FEWEST_ROWS = 100  # least number of rows of a block
 EDGE = 0.05  # largest share of the duration that is trimmed from both ends
-_PASSES = 2  # passes in which the weights of the joints follow their residuals
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,21 +192,15 @@ class _Trials:
         step = max(1, int(min(needed, min(len(b) for b in whole) / FEWEST_ROWS)))
         blocks = [block.rows(slice(None, None, step)) for block in whole]
         weights = thesis_weights(np.concatenate([b.tau for b in blocks]))
-        stats: list[Statistics] = []
-        weighted = weights
-        for _ in range(_PASSES):
-            weighted, stats = weights, [compress(self._lib, block, weights) for block in blocks]
-            x, _rank = friction_choice.solved(stats)
-            rest = np.concatenate(
-                [block.tau - friction_choice.predicted(self._lib, block, x) for block in blocks]
-            )
-            power = rest.var(axis=0)
-            weights = 1.0 / np.maximum(power, 1e-12 * power.max() + 1e-30)
+        x, _ = friction_choice.solved([compress(self._lib, block, weights) for block in blocks])
+        rests = [block.tau - friction_choice.predicted(self._lib, block, x) for block in blocks]
+        weights = friction_choice.inverse_of(np.concatenate(rests).var(axis=0))
+        stats = [compress(self._lib, block, weights) for block in blocks]
         left_out = tuple(
             friction_choice.solved([s for i, s in enumerate(stats) if i != k])[0]
             for k in range(len(blocks))
         )
-        noise = coloured_noise_of(self._lib, blocks, stats[0].merged(*stats[1:]), weighted)
+        noise = coloured_noise_of(self._lib, blocks, stats[0].merged(*stats[1:]), weights)
         white = min(1.0, max(1.0, needed / step) / noise.inflation)
         return _Fit(left_out, self._errors_of(whole, left_out), white)
 

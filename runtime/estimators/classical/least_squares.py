@@ -10,6 +10,7 @@ import itertools
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -137,31 +138,17 @@ def pi_of_beta(problem: Problem, beta: Array) -> Array:
     return np.asarray(guess + np.linalg.lstsq(k, beta - k @ guess, rcond=None)[0])
 
 
-def fit_of_base(
-    problem: Problem,
-    beta: Array,
-    phi: Array,
-    status: str,
-    iterations: int | None = None,
-    notes: tuple[str, ...] = (),
-) -> Fit:
-    """Return the result of a method that estimates base parameters."""
-    return fit_of_pi(problem, pi_of_beta(problem, beta), phi, status, iterations, notes)
+def fit_of_base(problem: Problem, beta: Array, phi: Array, status: str, **facts: Any) -> Fit:
+    """Return the result of a method that estimates base parameters, with further facts."""
+    return fit_of_pi(problem, pi_of_beta(problem, beta), phi, status, **facts)
 
 
-def fit_of_pi(
-    problem: Problem,
-    pi: Array,
-    phi: Array,
-    status: str,
-    iterations: int | None = None,
-    notes: tuple[str, ...] = (),
-) -> Fit:
-    """Return the result of a method that estimates π."""
+def fit_of_pi(problem: Problem, pi: Array, phi: Array, status: str, **facts: Any) -> Fit:
+    """Return the result of a method that estimates π, with further facts."""
     lib = problem.lib
     is_consistent = bool((lib.relative_eigenvalues(pi) > 0).all() and (mass(links(pi)) > 0).all())
     lam = lib.lam_from_pi(pi) if is_consistent else None
-    return Fit(pi, phi, lam, status, iterations, notes=notes)
+    return Fit(pi, phi, lam, status, **facts)
 
 
 def fit_wls(problem: Problem) -> Fit:
@@ -186,8 +173,8 @@ def fit_wls(problem: Problem) -> Fit:
             "check that this torque is measured and not computed"
         )
     status = f"{PASSES} passes of weighted least squares; condition number {solution.condition:.1f}"
-    notes += bound
-    return fit_of_base(problem, solution.beta, solution.phi, status, PASSES, tuple(notes))
+    facts = {"iterations": PASSES, "notes": (*notes, *bound)}
+    return fit_of_base(problem, solution.beta, solution.phi, status, **facts)
 
 
 def reweighted(

@@ -339,7 +339,7 @@ def solve_many(
     tasks = [task_of(p, np.ones(1), s) for p, s in zip(problems, firsts, strict=True)]
     answers = CompiledConvex(lib.binding, tasks, DECREMENT, MOST_STEPS).run(threads)
     minima = [_minimum(p, answer) for p, answer in zip(problems, answers, strict=True)]
-    return _continued(lib, minima, firsts, threads)
+    return [_continued(lib, m, s) for m, s in zip(minima, firsts, strict=True)]
 
 
 def follow_compiled(
@@ -354,26 +354,15 @@ def follow_compiled(
     return path_of(prior, tried, a.points, a.losses, ended, int(a.steps.sum()), a.converged)
 
 
-def _continued(
-    lib: Library, minima: list[Minimum], starts: list[Array | None], threads: int
-) -> list[Minimum]:
-    """The minima, those without convergence by continuation in γ."""
-    tasks, places = [], []
-    for k, (minimum, start) in enumerate(zip(minima, starts, strict=True)):
-        problem = minimum.problem
-        is_inside = start is None or problem.prior.bodies.log_det(start) is not None
-        if minimum.converged or not is_inside:  # every body of the first point is consistent
-            continue
-        tasks.append(task_of(problem, factors(problem, problem.prior.centre)))
-        places.append(k)
-    if not tasks:
-        return minima
-    results = list(minima)
-    for k, answer in zip(
-        places, CompiledConvex(lib.binding, tasks, DECREMENT, MOST_STEPS).run(threads), strict=True
-    ):
-        results[k] = better(minima[k], _minimum(minima[k].problem, answer))
-    return results
+def _continued(lib: Library, minimum: Minimum, start: Array | None) -> Minimum:
+    """The minimum, by continuation in γ where it has not converged."""
+    problem = minimum.problem
+    is_inside = start is None or problem.prior.bodies.log_det(start) is not None
+    if minimum.converged or not is_inside:  # every body of the first point is consistent
+        return minimum
+    task = task_of(problem, factors(problem, problem.prior.centre))
+    (answer,) = CompiledConvex(lib.binding, [task], DECREMENT, MOST_STEPS).run()
+    return better(minimum, _minimum(problem, answer))
 
 
 def task_of(problem: ConvexProblem, gammas: Array, start: Array | None = None) -> ConvexTask:

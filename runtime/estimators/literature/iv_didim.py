@@ -179,12 +179,12 @@ def fit_iv(problem: Problem, log: Origin | None = None) -> Fit:
             break
         if step < CONVERGED * size:
             status = f"converged after {iteration} simulations"
-            return fit_of_base(problem, now.beta, now.phi, status, iteration)
+            return fit_of_base(problem, now.beta, now.phi, status, iterations=iteration)
     status = (
         f"not converged, the result of wls is kept: {why}; filter the positions more strongly, or "
         "use didim, which needs the torque only"
     )
-    return fit_of_base(problem, kept.beta, kept.phi, status, iteration)
+    return fit_of_base(problem, kept.beta, kept.phi, status, iterations=iteration)
 
 
 def fit_didim(problem: Problem, log: Origin | None = None) -> Fit:
@@ -212,7 +212,7 @@ def fit_didim(problem: Problem, log: Origin | None = None) -> Fit:
         if step < CONVERGED * size:
             status = f"converged after {iteration} simulations"
             break
-    return fit_of_base(problem, now.beta, now.phi, status, iteration)
+    return fit_of_base(problem, now.beta, now.phi, status, iterations=iteration)
 
 
 def _first(problem: Problem) -> Solution:

@@ -199,7 +199,8 @@ def fit_ekf(problem: Problem, log: Origin | None = None) -> Fit:
             f"links of the estimate were not physically consistent at {bad} of {checks} checks on "
             "the way, because the filter does not constrain them"
         )
-    return fit_of_pi(problem, pi, phi, _status(data, sigma), len(data.q), tuple(notes))
+    facts = {"iterations": len(data.q), "notes": tuple(notes)}
+    return fit_of_pi(problem, pi, phi, _status(data, sigma), **facts)
 
 
 def _status(data: FilterInput, sigma: Array) -> str:
@@ -316,7 +317,7 @@ def fit_ukf(problem: Problem, log: Origin | None = None) -> Fit:
     x, covariance = run_ukf(lib, data, problem.start)
     sigma = np.sqrt(np.diag(covariance)[2 * n : 2 * n + n_b])
     beta, phi = x[2 * n : 2 * n + n_b], x[2 * n + n_b : -n].reshape(n, -1)
-    return fit_of_base(problem, beta, phi, _status(data, sigma), len(data.q))
+    return fit_of_base(problem, beta, phi, _status(data, sigma), iterations=len(data.q))
 
 
 def run_ukf(lib: Library, data: FilterInput, lam: Array) -> tuple[Array, Array]:

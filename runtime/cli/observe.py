@@ -15,8 +15,7 @@ from runtime.common.tables import Table, significant
 from runtime.common.terminal import command_line, say, say_notes, show
 from runtime.errors import ExportError, IdentificationError
 from runtime.identification.posterior_file import read_posterior
-from runtime.identification.saved_result import SavedResult
-from runtime.library import Array, Library
+from runtime.library import Library
 from runtime.library.manifest import file_units
 from runtime.monitoring import observation
 from runtime.monitoring.calibration import (
@@ -29,7 +28,7 @@ from runtime.monitoring.calibration import (
     verified,
 )
 from runtime.monitoring.model import MonitoredModel, model_of
-from runtime.monitoring.noise import AlarmRate, alarm_rate, read_held_out
+from runtime.monitoring.noise import alarm_rate, read_held_out
 from runtime.monitoring.observer import wrench_at
 from runtime.outputs import torque_mcap
 from runtime.outputs.observer_c import FILES, observer_c
@@ -118,7 +117,12 @@ def observe_command(given: ObserveSettings) -> None:
     saved, lib, notes = open_result(given, given.model)
     known = model_of(saved, lib)
     data = _read(lib, known, saved.log_of(given.log, lib, given.recipe, given.run))
-    root, note = _root(given.model, saved, lib)
+    warnings: list[str] = []
+    try:  # root of the covariance of [β; φ]
+        root = read_posterior(given.model, saved, lib).of_readings().root(lib)
+    except IdentificationError as error:
+        root = None
+        warnings = [f"thresholds are without the uncertainty of the model: {error}"]
     held_out = read_held_out(given.model, known)
     rate_hz = data.rate_hz  # of the observer; free motion at another one is interpolated
     free_logs = [saved.log_of(each, lib, given.recipe) for each in given.calibrate or ()]
@@ -127,27 +131,26 @@ def observe_command(given: ObserveSettings) -> None:
     chosen_on = free_motion[0] if free_motion else data
     detector = observation.detector_for(lib, known, chosen_on, held_out, rate, given.within, root)
     tails: tuple[Tail, ...] = ()
-    raised: list[str] = []
     if free_motion:
         plain = detector
         has_speeds = all(each.dq is not None for each in free_logs)
         detector, tails = calibrated_on(lib, plain, free_motion, has_speeds)
-        raised = [*_short(tails, rate), *_raised(lib, plain, detector)]
+        warnings = _of_calibration(lib, plain, detector, tails)
     signals = observation.signals_of(lib, detector, data)
     seen = observation.observation_of(lib, detector, signals)
-    check = None
-    if given.free is not None:
-        check = verified(
-            lib, detector, _read(lib, known, saved.log_of(given.free, lib, given.recipe), rate_hz)
-        )
-    contents, left_out = _in_c(lib, detector, np.median(signals.model_band, axis=0))
+    free = None if given.free is None else saved.log_of(given.free, lib, given.recipe)
+    check = None if free is None else verified(lib, detector, _read(lib, known, free, rate_hz))
+    contents: dict[str, bytes] = {}
+    try:
+        for name, text in observer_c(lib, detector, np.median(signals.model_band, axis=0)).items():
+            contents[name] = text.encode()
+    except ExportError as error:  # a part of the model has no C code
+        warnings.append(str(error))
     if given.mcap:
         bag, layout = torque_mcap.FILES
         contents[bag] = torque_mcap.torque_mcap(lib.joint_names, data, seen)
         contents[layout] = torque_mcap.plotjuggler_layout(lib.joint_names).encode()
-    facts = _facts(lib, detector, seen, check, data, given.link, tails) | {
-        "notes": [*notes, *(note if not tails else ()), *raised, *left_out]
-    }
+    facts = _facts(lib, detector, seen, check, data, given.link, [*notes, *warnings], tails)
     _WRITTEN.begin(folder, given)
     with replacing(folder / "external_torque.npz") as file:
         np.savez_compressed(file, t=seen.t, r=seen.r, sigma=seen.sigma, threshold=seen.threshold)
@@ -173,51 +176,26 @@ def _read(
     return observation.prepared_for(recording, model, rate_hz)
 
 
-def _raised(lib: Library, plain: observation.Detector, fitted: observation.Detector) -> list[str]:
-    """Joints whose threshold a calibration has raised so far that contacts may be lost."""
-    return [
-        f"the calibration raises the threshold of {name} from {old:.3g} to {new:.3g} {unit}: a "
-        "contact below that is not found; if the motion contains contacts or another load, "
-        "calibrate with another log"
-        for name, unit, old, new in zip(
-            lib.joint_names,
-            file_units(lib.manifest),
-            plain.thresholds,
-            fitted.thresholds,
-            strict=True,
+def _of_calibration(
+    lib: Library, plain: observation.Detector, fitted: observation.Detector, tails: tuple[Tail, ...]
+) -> list[str]:
+    """Too little free motion for the stated rate, and thresholds that lose contacts."""
+    notes, rate = [], fitted.rate
+    if is_short(tails, rate.per_second):
+        seen, usual = tails[0].seconds / 60, USUAL / rate.per_second / 60
+        notes.append(
+            f"{seen:.2g} min of free motion are too few for {rate.text}, and the thresholds are "
+            f"extrapolated from few motions; calibrate with {usual:.2g} min or more"
         )
-        if new > RAISED * old
-    ]
-
-
-def _short(tails: tuple[Tail, ...], rate: AlarmRate) -> list[str]:
-    """Whether the free motion is too short for the stated rate."""
-    if not is_short(tails, rate.per_second):
-        return []
-    seen, usual = tails[0].seconds / 60, USUAL / rate.per_second / 60
-    return [
-        f"{seen:.2g} min of free motion are too few for {rate.text}, and the thresholds are "
-        f"extrapolated from few motions; calibrate with {usual:.2g} min or more"
-    ]
-
-
-def _root(model: Path, saved: SavedResult, lib: Library) -> tuple[Array | None, list[str]]:
-    """Root of the covariance of [β; φ]; None with a note where the result has no posterior."""
-    try:
-        return read_posterior(model, saved, lib).of_readings().root(lib), []
-    except IdentificationError as error:
-        return None, [f"thresholds are without the uncertainty of the model: {error}"]
-
-
-def _in_c(
-    lib: Library, detector: observation.Detector, band: Array
-) -> tuple[dict[str, bytes], list[str]]:
-    """Files of the observer in C; a note where a part of the model has no C code."""
-    try:
-        texts = observer_c(lib, detector, band)
-        return {name: text.encode() for name, text in texts.items()}, []
-    except ExportError as error:
-        return {}, [str(error)]
+    units, thresholds = file_units(lib.manifest), (plain.thresholds, fitted.thresholds)
+    for name, unit, old, new in zip(lib.joint_names, units, *thresholds, strict=True):
+        if new > RAISED * old:
+            notes.append(
+                f"the calibration raises the threshold of {name} from {old:.3g} to {new:.3g} "
+                f"{unit}: a contact below that is not found; if the motion contains contacts or "
+                "another load, calibrate with another log"
+            )
+    return notes
 
 
 def _facts(
@@ -227,6 +205,7 @@ def _facts(
     check: FreeMotion | None,
     data: Recording,
     link: str | None,
+    notes: list[str],
     tails: tuple[Tail, ...],
 ) -> dict[str, Any]:
     contacts = []
@@ -262,6 +241,7 @@ def _facts(
             "rate_hz": settings.rate_hz,
             "within_s": detector.within_s,
         },
+        "notes": notes,
     }
 
 

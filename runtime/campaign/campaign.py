@@ -162,7 +162,7 @@ def run_campaign(
     sentence = f"the target {target.text} is {how}: {known}, {k} motions, {seconds:g} s of motion"
     outcome = CampaignOutcome(is_reached, sigma, k, seconds, sentence)
     with replacing(folder / REPORT) as file:
-        file.write(_report(folder, lib, plan, target, outcome).encode())
+        file.write(_report(folder, plan, target, outcome).encode())
     return outcome
 
 
@@ -236,16 +236,15 @@ def _recorded(
     )
 
 
-def _report(
-    folder: Path, lib: Library, plan: Plan, target: Target, outcome: CampaignOutcome
-) -> str:
+def _report(folder: Path, plan: Plan, target: Target, outcome: CampaignOutcome) -> str:
+    state = json_of(folder / STATE)
     lines = [
-        f"# Campaign of {lib.name}",
+        f"# Campaign of {state['robot']}",
         "",
         f"{outcome.sentence[:1].upper()}{outcome.sentence[1:]}.",
     ]
     lines += ["", "| motion | motion time | σ | gates |", "|---|---|---|---|"]
-    for k, motion in enumerate(json_of(folder / STATE)["motions"], 1):
+    for k, motion in enumerate(state["motions"], 1):
         gates = [json_of(folder / f"gate-{k}-{speed:g}.json") for speed in plan.stages_of(k)]
         passed = "released" if all(each["released"] for each in gates) else "refused"
         sigma = target.shown(motion["sigma"])

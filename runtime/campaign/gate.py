@@ -89,12 +89,8 @@ def released(
         errors = inspect_log(log, lib).of_level(ERROR)
         reasons += [f"{log.name}: {each.sentence}" for each in errors]
         checked.append("torque of every joint against the URDF")
-        reasons += [
-            f"{log.name}: {each}"
-            for each in torque_faults(
-                lib, gear_friction.smoothed(read_recording(log, joints=lib.joint_names), lib)
-            )
-        ]
+        rows = gear_friction.smoothed(read_recording(log, joints=lib.joint_names), lib)
+        reasons += [f"{log.name}: {each}" for each in torque_faults(lib, rows)]
     if agreement is not None:
         checked.append("agreement of the last log with the model before it")
         worst = int(np.argmax(agreement))
@@ -116,19 +112,16 @@ def torque_faults(lib: Library, motion: Recording) -> tuple[str, ...]:
     dahl, viscous = gear_friction.FRICTION.index("dahl"), gear_friction.FRICTION.index("viscous")
     sentences, largest = [], float(model.std(axis=0).max())
     for j, name in enumerate(lib.joint_names):
-        parts = np.column_stack(
-            [model[:, j], columns[:, j, dahl], columns[:, j, viscous], np.ones(len(tau))]
-        )
+        zeta, speed = columns[:, j, dahl], columns[:, j, viscous]
+        parts = np.column_stack([model[:, j], zeta, speed, np.ones(len(tau))])
         x, *_ = np.linalg.lstsq(parts, tau[:, j], rcond=None)
         rest = float(np.std(tau[:, j] - parts @ x))
-        rigid, dry = x[0] * model[:, j], x[1] * columns[:, j, dahl]
+        rigid, dry = x[0] * model[:, j], x[1] * zeta
         others = parts[:, 1:] @ np.linalg.lstsq(parts[:, 1:], model[:, j], rcond=None)[0]
         apart = float(np.std(x[0] * (model[:, j] - others)))
-        friction = float(np.std(dry + x[2] * columns[:, j, viscous]))
+        friction = float(np.std(dry + x[2] * speed))
         if x[1] < 0 and np.std(dry) > CLEAR * rest:
-            sentences.append(
-                f"the torque of {name} has the wrong sign: its friction drives the joint"
-            )
+            sentences.append(f"the torque of {name} has the wrong sign: friction drives the joint")
         elif rest > UNEXPLAINED * np.std(tau[:, j]):
             sentences.append(
                 f"the torque of {name} follows neither the URDF nor its friction "
@@ -183,9 +176,7 @@ def rehearse(lib: Library, motion: Trajectory, seed: int = 0) -> tuple[Rehearsal
     """Let the virtual robot run a motion with one fault of each kind."""
     rng = np.random.default_rng([seed, 3])
     kinds = KINDS if lib.n_joints > 1 else tuple(kind for kind in KINDS if kind != "order")
-    return tuple(
-        rehearsed(lib, motion, kind, int(rng.integers(lib.n_joints)), seed) for kind in kinds
-    )
+    return tuple(rehearsed(lib, motion, k, int(rng.integers(lib.n_joints)), seed) for k in kinds)
 
 
 def rehearsed(

@@ -97,12 +97,8 @@ class GearFriction:
 
     def facts(self) -> dict[str, list[float]]:
         """JSON-ready content."""
-        return {
-            "torque_delay_s": self.delay.tolist(),
-            "stroke": self.stroke.tolist(),
-            "peak_speed": self.peak_speed.tolist(),
-            "waves": self.waves.tolist(),
-        }
+        others = {key: getattr(self, key).tolist() for key in ("stroke", "peak_speed", "waves")}
+        return {"torque_delay_s": self.delay.tolist()} | others
 
 
 def smoothed(recording: Recording, lib: Library) -> Recording:
@@ -149,10 +145,8 @@ def friction_columns(motion: Recording, gear: GearFriction) -> Array:
     """Columns of a log at its full rate: motion (N, n) → (N, n, 7)."""
     dq = motion.required("dq")
     angle = gear.waves * motion.q
-    others = (dq, np.sin(angle), np.where(gear.waves > 0, np.cos(angle), 0.0))
-    return np.concatenate(
-        [_with_memory(motion, gear, gear.stroke), np.stack(others, axis=2)], axis=2
-    )
+    others = np.stack([dq, np.sin(angle), np.where(gear.waves > 0, np.cos(angle), 0.0)], axis=2)
+    return np.concatenate([_with_memory(motion, gear, gear.stroke), others], axis=2)
 
 
 def slope_columns(motion: Recording, gear: GearFriction, columns: Array) -> Array:

@@ -43,28 +43,22 @@ class LimitsGuard:
         self._names = lib.joint_names
         limits = lib.limits()
         self._lower, self._upper = limits["lower"], limits["upper"]
-        self._most = {
-            "velocity": (1 + MARGIN) * limits["velocity"],
-            "torque": (1 + MARGIN) * limits["effort"],
-        }
+        self._fastest, self._most = ((1 + MARGIN) * limits[k] for k in ("velocity", "effort"))
         self._dependent = DependentJoints(lib, dependent_rows(lib))
         low, high, speed = dependent_limits(lib, self._dependent.rows)
         self._ends, self._speed = (low, high), (1 + MARGIN) * speed
 
     def refusal(self, sample: Sample, reference: Reference) -> str | None:
         """Sentence on the first limit that is exceeded."""
-        for what, values in (
-            ("position", sample.q),
-            ("velocity", sample.dq),
-            ("torque", sample.tau),
-        ):
+        read = {"position": sample.q, "velocity": sample.dq, "torque": sample.tau}
+        for what, values in read.items():
             if not np.isfinite(values).all():
                 j = int(np.argmin(np.isfinite(values)))
                 return f"expected a finite {what} of {self._names[j]}, got {values[j]}"
         return (
             _outside(self._names, sample.q, self._lower, self._upper)
-            or _beyond("velocity", self._names, sample.dq, self._most["velocity"])
-            or _beyond("torque", self._names, sample.tau, self._most["torque"])
+            or _beyond("velocity", self._names, sample.dq, self._fastest)
+            or _beyond("torque", self._names, sample.tau, self._most)
             or self._of_dependents(sample)
         )
 
@@ -72,12 +66,8 @@ class LimitsGuard:
         """Sentence on the first dependent joint beyond its limits, or on a loop that is open."""
         if not self._dependent.rows:
             return None
-        x, dx, _ = (
-            values[0]
-            for values in self._dependent.motion(
-                np.stack([sample.q, sample.dq, np.zeros_like(sample.q)])[:, None]
-            )
-        )
+        states = np.stack([sample.q, sample.dq, np.zeros_like(sample.q)])[:, None]
+        x, dx, _ = (values[0] for values in self._dependent.motion(states))
         names = self._dependent.names
         if not np.isfinite(x).all():
             j = int(np.argmin(np.isfinite(x)))

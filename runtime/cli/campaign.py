@@ -32,17 +32,13 @@ class CampaignSettings(PlaceChoices):
         Path("results/campaign"), metavar="DIR", help="Folder of all files of the campaign."
     )
     duration: float = method_field(2.5, help="Duration of the first motion at full speed, s.")
-    later_duration: float = method_field(
-        10.0, help="Duration of every further motion at full speed, s."
-    )
+    later_duration: float = method_field(10.0, help="Duration of further motions at full speed, s.")
     stages: str = method_field(
         "10,50,100",
         metavar="%,%,…",
         help="Speeds of the first motion's stages, percent of full speed.",
     )
-    most_seconds: float = method_field(
-        600.0, help="Motion time after which no further motion is begun, s."
-    )
+    most_seconds: float = method_field(600.0, help="Motion time after which no motion is begun, s.")
     driver: str = method_field(
         "virtual",
         metavar="NAME[:ADDRESS]",
@@ -56,9 +52,7 @@ class CampaignSettings(PlaceChoices):
         True, help="Run every motion on the virtual robot with planted faults first."
     )
     seed: Seed = 0
-    truth_seed: int = method_field(
-        0, help="Seed of the virtual robot: its links and sensors.", min=0
-    )
+    truth_seed: int = method_field(0, help="Seed of links and sensors of the virtual robot.", min=0)
     as_json: bool = output_field(False, "--json", help="Print JSON instead.")
 
 

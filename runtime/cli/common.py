@@ -61,9 +61,7 @@ class RobotChoices(Choices):
     yes: Yes = False
 
 
-Seed = Annotated[
-    int, typer.Option(help="Seed of the random numbers, below 2⁶³.", min=0, max=2**63 - 1)
-]
+Seed = Annotated[int, typer.Option(help="Seed of random numbers, below 2⁶³.", min=0, max=2**63 - 1)]
 
 
 def sentences_of(registry: Registry[Any]) -> str:

@@ -268,6 +268,4 @@ class ExciteSettings(MotionChoices):
                 "leave it out"
             )
         if self.until is not None and (other := [name for name in given if name in OF_TARGET]):
-            raise RuntimeFault(
-                f"--until chooses the motion by its target; leave out {given[other[0]]}"
-            )
+            raise RuntimeFault(f"--until chooses the motion by target; leave out {given[other[0]]}")

@@ -41,9 +41,7 @@ class SampleSettings(ResultChoices):
         "playground, mjlab, isaaclab, json.",
     )
     seed: Seed = 0
-    out: Path | None = output_field(
-        metavar="DIR", help="Folder of the files; default RESULT/samples."
-    )
+    out: Path | None = output_field(metavar="DIR", help="Folder of files; default RESULT/samples.")
     overwrite: Overwrite = False
 
 

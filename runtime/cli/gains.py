@@ -48,9 +48,7 @@ class GainsSettings(BodyChoices):
 
     options = "payload total_mass robot recipe run recipe_out overwrite"
     empty: str = argument_field(metavar="EMPTY", help="A log without payload.")
-    loaded: str | None = argument_field(
-        None, metavar="LOADED", help="A log with the known payload."
-    )
+    loaded: str | None = argument_field(None, metavar="LOADED", help="A log with known payload.")
     payload: str | None = model_field(
         metavar="KNOWN",
         help="Known payload MASS,CX,CY,CZ in kg and m in the flange frame, with "

@@ -77,9 +77,7 @@ def inspect_command(given: InspectSettings) -> None:
         try:
             inspection = inspect_log(given.log, lib, given.recipe, given.run, **options)
         except RecordingError as error:
-            if given.recipe is not None or (
-                given.recipe_out is None and "in a recipe" not in str(error)
-            ):
+            if given.recipe or not (given.recipe_out or "in a recipe" in str(error)):
                 raise
             if given.recipe_out is None:
                 raise RecordingError(

@@ -313,9 +313,7 @@ def prior_of(path: Path | None, lib: Library) -> PriorFile | None:
 def inputs_of(methods: Iterable[str], lib: Library, **files: Path | None) -> dict[str, Any]:
     """What these methods need beyond the log, from files by the names of the inputs."""
     readers = {name: read for each in methods for name, read in METHODS[each].files.items()}
-    return {
-        name: readers[name](path, lib) for name, path in files.items() if path and name in readers
-    }
+    return {key: readers[key](path, lib) for key, path in files.items() if path and key in readers}
 
 
 def shown_progress(bar: Bar, method: str, robot: str, total: int | None = None) -> Progress:

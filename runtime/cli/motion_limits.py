@@ -167,9 +167,7 @@ def carried_body(lib: Library, text: str | None) -> CarriedBody | None:
     inertia = body.inertia if body.inertia is not None else _homogeneous(body.mass, box)
     in_frame = bodies.pi_of_body(mount.bodies, body.mass, body.com, inertia)
     pi = np.linalg.solve(mount.to_frame, in_frame)
-    return CarriedBody(
-        mount.index, tuple(pi.tolist()), None if box is None else _placed(mount, box)
-    )
+    return CarriedBody(mount.index, tuple(pi.tolist()), box if box is None else _placed(mount, box))
 
 
 def _body_and_box(text: str) -> tuple[bodies.KnownPayload, Array | None]:

@@ -60,9 +60,7 @@ class ObserveSettings(OfResult):
         metavar="RATE",
         help="Rate of false alarms of all joints together: '1 per hour', '2 per day'.",
     )
-    out: Path | None = output_field(
-        metavar="DIR", help="Folder of the files; default RESULT/observe."
-    )
+    out: Path | None = output_field(metavar="DIR", help="Folder of files; default RESULT/observe.")
     free: str | None = method_field(
         metavar="LOG", help="A log without contacts, on which the rate is verified."
     )

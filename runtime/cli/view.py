@@ -20,9 +20,7 @@ class ViewSettings(LogChoices):
     """Settings of `symgen view`."""
 
     options = "robot urdf html overwrite"
-    motion: str = argument_field(
-        metavar="MOTION", help="A motion written by excite (.json), or a log."
-    )
+    motion: str = argument_field(metavar="MOTION", help="A motion of excite (.json), or a log.")
     urdf: Path | None = data_field(
         metavar="FILE", help="URDF with visual meshes; default that of the generated robot."
     )

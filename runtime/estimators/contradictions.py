@@ -344,9 +344,7 @@ def _of_limits(lib: Library, causes: Causes) -> tuple[str, ...]:
     parts = [
         f"a tilt of the base from {np.degrees(x):.2g}°" for x in causes.limits(TILT) if x < LARGEST
     ]
-    shown = [
-        f"of {name} from {np.degrees(x):.2g}°" for name, x, turn in zeros if turn and x < LARGEST
-    ]
+    shown = [f"of {name} from {np.degrees(x):.2g}°" for name, x, on in zeros if on and x < LARGEST]
     if shown:
         parts.append(f"a wrong encoder zero {', '.join(shown)}")
     if parts:

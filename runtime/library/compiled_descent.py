@@ -79,10 +79,8 @@ class _LevenbergJob(ctypes.Structure):
     _fields_ = [
         *((name, ctypes.c_long) for name in ("size", "equations", "cholesky")),
         ("training", _LeastSquaresJob),
-        *(
-            (name, ctypes.c_double)
-            for name in ("first_damping", "step_tolerance", "decrease_tolerance")
-        ),
+        ("first_damping", ctypes.c_double),
+        *((name, ctypes.c_double) for name in ("step_tolerance", "decrease_tolerance")),
         *((name, _POINTER) for name in ("x", "trace")),
         *((name, ctypes.c_double) for name in ("loss", "damping", "growth")),
         *((name, ctypes.c_long) for name in ("step", "finished", "traced")),

@@ -83,9 +83,7 @@ class RosDriver(Driver):
                 f"the controller did not answer within {WAIT_S:g} s; check that it is active"
             )
         if not handle.accepted:
-            raise NoSampleError(
-                "the controller refused the motion; check its joints, limits and state"
-            )
+            raise NoSampleError("the controller refused the motion; check its joints, limits, state")
         self._goal = handle
         self._inbox.clear()
         self._started = self._newest = self._next(WAIT_S).t
@@ -143,9 +141,8 @@ class RosDriver(Driver):
         missing = [name for name in self.lib.joint_names if name not in message.name]
         parts = message.position, message.velocity, message.effort
         if missing or any(len(part) != len(message.name) for part in parts):
-            what = (
-                f"joint {missing[0]}" if missing else "position, velocity and effort of each joint"
-            )
+            whole = "position, velocity and effort of each joint"
+            what = f"joint {missing[0]}" if missing else whole
             raise SimulationError(
                 f"expected {what} in the messages of {STATES}; give the --robot that is connected"
             )

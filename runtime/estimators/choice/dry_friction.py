@@ -59,10 +59,8 @@ def _trial(whole: Recording, lib: Library, terms: Friction, late: bool) -> _Tria
     samples, t = samples_of(whole, lib), whole.t
     delays: Array = np.zeros(1)
     if late:
-        first, last = (
-            round(-recorded_delay.LATEST_S / DELAY_STEP_S),
-            round(recorded_delay.EARLIEST_S / DELAY_STEP_S),
-        )
+        first = round(-recorded_delay.LATEST_S / DELAY_STEP_S)
+        last = round(recorded_delay.EARLIEST_S / DELAY_STEP_S)
         delays = np.asarray(DELAY_STEP_S * np.arange(first, last + 1))
     rows = np.flatnonzero((t + delays[0] >= t[0]) & (t + delays[-1] <= t[-1]))
     if len(rows) < recorded_delay.FEWEST_ROWS:
@@ -126,8 +124,7 @@ def with_dry_friction(
     chosen, stroke = terms, None
     if has_memory:  # its stroke and the delays that are best with it
         best = [
-            loss_at(losses, [int(loss.argmin()) for loss in losses])
-            for losses in memory[has_position]
+            loss_at(each, [int(loss.argmin()) for loss in each]) for each in memory[has_position]
         ]
         least, stroke = min(best), float(f"{minimum_on_grid(STROKES, best):.3g}")
         names = tuple(MEMORY if name == DRY else name for name in terms.columns)
@@ -152,9 +149,8 @@ def _errors(columns: Array, rest: Array) -> Array:
     blocks = [slice(*pair) for pair in pairwise(edges)]
     gram = np.array([x[:, b].swapaxes(1, 2) @ x[:, b] for b in blocks])
     cross = np.array([x[:, b].swapaxes(1, 2) @ y[:, b] for b in blocks])
-    phi = np.linalg.pinv(gram.sum(axis=0) - gram, rcond=_RANK, hermitian=True) @ (
-        cross.sum(axis=0) - cross
-    )
+    inverse = np.linalg.pinv(gram.sum(axis=0) - gram, rcond=_RANK, hermitian=True)
+    phi = inverse @ (cross.sum(axis=0) - cross)
     left = [np.sum((y[:, b] - x[:, b] @ p) ** 2, axis=1) for b, p in zip(blocks, phi, strict=True)]
     return np.asarray(np.sum(left, axis=0).T)
 

@@ -59,9 +59,8 @@ def constrained(
         matrix, _ = _stacked(constraints.equations, start.size)
         scaled = np.asarray(np.linalg.solve(whiten.T, matrix.T).T)  # E in whitened unknowns
         free = newton.Subspace(start, np.asarray(np.linalg.solve(whiten, null_space(scaled))))
-    minimum = newton.minimise_anywhere(
-        newton.convex_problem(data, prior, gamma, inside, free), start
-    )
+    problem = newton.convex_problem(data, prior, gamma, inside, free)
+    minimum = newton.minimise_anywhere(problem, start)
     notes: tuple[str, ...] = ()
     if len(rows):
         scale = np.linalg.norm(np.linalg.solve(whiten.T, rows.T), axis=0)

@@ -368,24 +368,12 @@ def _continued(lib: Library, minimum: Minimum, start: Array | None) -> Minimum:
 def task_of(problem: ConvexProblem, gammas: Array, start: Array | None = None) -> ConvexTask:
     """Task of the compiled descents, from the centre of the prior where no start is given."""
     data, prior = problem.data, problem.prior
-    return ConvexTask(
-        data.factor,
-        data.target,
-        data.rest,
-        data.count,
-        prior.slope,
-        problem.gamma,
-        gammas,
-        prior.centre if start is None else start,
-    )
+    rows = data.factor, data.target, data.rest, data.count
+    first = prior.centre if start is None else start
+    return ConvexTask(*rows, prior.slope, problem.gamma, gammas, first)
 
 
 def _minimum(problem: ConvexProblem, answer: ConvexAnswer) -> Minimum:
-    return Minimum(
-        problem,
-        answer.points[-1],
-        float(answer.losses[-1]),
-        float(answer.decrements[-1]),
-        int(answer.steps.sum()),
-        answer.converged,
-    )
+    loss, decrement = float(answer.losses[-1]), float(answer.decrements[-1])
+    steps = int(answer.steps.sum())
+    return Minimum(problem, answer.points[-1], loss, decrement, steps, answer.converged)

@@ -12,7 +12,7 @@ effect, and such points hold back a descent.
 Source: Nocedal & Wright 2006, Ch. 3 (modified Newton) and Ch. 10 (large residuals).
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -107,17 +107,13 @@ def levenberg_descend(descent: Descent, options: LevenbergOptions) -> Outcome:
         status = Status.MAX_ITERATIONS if np.isfinite(held) else Status.DIVERGED
         return Outcome(descent.x0, held, 0, status, trace_of(()))
     problem, objective = descent.problem, descent.objective
-    settings = {
-        "first_damping": options.first_damping,
-        "step_tolerance": options.step_tolerance,
-        "decrease_tolerance": options.decrease_tolerance,
-    }
+    settings, binding = asdict(options), problem.lib.binding
+    most = settings.pop("max_iterations")
     squares = least_squares(descent.statistics, objective.unit)
-    most, binding = options.max_iterations, problem.lib.binding
     jobs = CompiledLevenberg(binding, [descent.x0], [squares], settings, most, descent.cholesky)
     job, trace, interrupted = jobs[0], list[tuple[int, float, float]](), False
     try:
-        while job.finished == 0 and job.step < options.max_iterations:
+        while job.finished == 0 and job.step < most:
             accepted = job.traced
             jobs.run(1)
             if job.traced > accepted:
@@ -175,10 +171,8 @@ class _Loss:
 
     def __init__(self, descent: Descent) -> None:
         lib = descent.problem.lib
-        self._descent, self._squares = (
-            descent,
-            least_squares(descent.statistics, descent.objective.unit),
-        )
+        self._descent = descent
+        self._squares = least_squares(descent.statistics, descent.objective.unit)
         self._size = descent.problem.start.size
         self._jacobian = lib.cholesky_jacobian
         base = len(lib.base_matrix)

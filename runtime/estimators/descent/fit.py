@@ -79,15 +79,9 @@ def descend_many(
     if batch is not None and any(d.problem.train.coupling is not None for d in descents):
         # The compiled loop takes columns of one joint each.
         return [descend_by_steps(d, preset) for d in descents]
-    options = {
-        "rate": preset.adam.learning_rate,
-        "beta1": preset.adam.beta1,
-        "beta2": preset.adam.beta2,
-        "epsilon": preset.adam.epsilon,
-        "threshold": rule.threshold,
-        "validate_every": rule.validate_every,
-        "patience": rule.patience,
-    }
+    options = {key: getattr(rule, key) for key in ("threshold", "validate_every", "patience")}
+    options |= {"rate": preset.adam.learning_rate, "epsilon": preset.adam.epsilon}
+    options |= {"beta1": preset.adam.beta1, "beta2": preset.adam.beta2}
     traces = rule.max_iterations // rule.validate_every + 1
     problems = [_adam_problem(d, batch) for d in descents]
     jobs = CompiledAdam(lib.binding, problems, options, traces, batch or 0)

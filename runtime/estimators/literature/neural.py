@@ -54,10 +54,9 @@ class FrictionNet:
 
     def __call__(self, columns: Array) -> Array:
         """Friction torque (N, n), N·m, from friction columns (N, n, k)."""
-        parts = [
-            _forward(theta, columns[:, j] / self.scale[j])[0] for j, theta in enumerate(self.theta)
-        ]
-        return np.stack(parts, axis=1)
+        inputs = [columns[:, j] / scale for j, scale in enumerate(self.scale)]
+        parts = map(_forward, self.theta, inputs)
+        return np.stack([y for y, _ in parts], axis=1)
 
 
 def train(
@@ -148,13 +147,8 @@ def fit_neural(problem: Problem) -> Fit:
     fit = fit_map(problem)
     for round_ in range(ROUNDS):
         rng = np.random.default_rng([problem.seed, round_])
-        net = train(
-            data.columns,
-            _rest(problem, data, fit),
-            unseen.columns,
-            _rest(problem, unseen, fit),
-            rng,
-        )
+        target, held = _rest(problem, data, fit), _rest(problem, unseen, fit)
+        net = train(data.columns, target, unseen.columns, held, rng)
         without = with_torque(data, data.tau - net(data.columns))
         fit = fit_map(replace(problem, train=without))
     learned = int(np.sum(np.any(net.theta, axis=1)))
@@ -163,9 +157,8 @@ def fit_neural(problem: Problem) -> Fit:
         f"{ROUNDS} rounds; nets for {learned} of {problem.lib.n_joints} joints, which leave "
         f"{np.sqrt(np.mean(left**2)):.3g} N·m of the validation torque"
     )
-    notes = (
-        () if learned else ("linear friction predicts the validation data best: no net is kept",)
-    )
+    none = ("linear friction predicts the validation data best: no net is kept",)
+    notes = () if learned else none
     return replace(fit, status=status, iterations=ROUNDS, optimum=None, learned=net, notes=notes)
 
 

@@ -73,9 +73,7 @@ class Samples:
     def mapped(self, change: Callable[[str, Array], Array]) -> "Samples":
         """The samples with each of their arrays changed, by its name and value."""
         arrays = {key: getattr(self, key) for key in ARRAYS}
-        changed: dict[str, Any] = {
-            key: change(key, x) for key, x in arrays.items() if x is not None
-        }
+        changed: dict[str, Any] = {k: change(k, x) for k, x in arrays.items() if x is not None}
         return replace(self, **changed)
 
     def weighted(self, weights: Array) -> "Samples":

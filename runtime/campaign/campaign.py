@@ -189,7 +189,7 @@ def _designed(
         harmonics=HARMONICS,
         starts=1,
         seed=plan.seed + k,
-        criterion="a" if target.kind == "payload" else target.kind,
+        criterion=target.criterion,
         information=known,
         safety=safety,
         margin=0.9,

@@ -98,12 +98,8 @@ class Streamed:
         if self.stop is not None:
             history.append(f"Stopped by {self.stop.guard}: {self.stop.sentence}.")
         # To the nanosecond: what is beyond is rounding, which depends on when the driver began.
-        return Recording(
-            *(np.round(t - t[0], 9), q, dq, None, tau),
-            name=name,
-            joint_names=lib.joint_names,
-            history=tuple(history),
-        )
+        t, names = np.round(t - t[0], 9), lib.joint_names
+        return Recording(t, q, dq, None, tau, name=name, joint_names=names, history=tuple(history))
 
 
 class Driver(ABC):

@@ -165,11 +165,9 @@ def _with_memory(motion: Recording, gear: GearFriction, stroke: Array) -> Array:
     """The columns with ζ, (N, n, 4)."""
     dq = motion.required("dq")
     zeta = dahl_state(motion.q, stroke)
-    factors = (
-        *(np.ones_like(dq), np.tanh(dq / SIGN_SPEED), np.exp(-((dq / gear.peak_speed) ** 2))),
-        np.abs(motion.required("tau")),
-    )
-    return zeta[..., None] * np.stack(factors, axis=2)
+    sign, peak = np.tanh(dq / SIGN_SPEED), np.exp(-((dq / gear.peak_speed) ** 2))
+    factors = np.stack([np.ones_like(dq), sign, peak, np.abs(motion.required("tau"))], axis=2)
+    return zeta[..., None] * factors
 
 
 def gear_of(
@@ -194,13 +192,9 @@ def gear_of(
 def _at(start: GearFriction, x: Array) -> GearFriction:
     """The parameters at changes x of the start, (4 n,)."""
     delay, stroke, speed, waves = x.reshape(-1, len(SPREAD)).T
-    return GearFriction(
-        start.delay + delay,
-        start.stroke * np.exp(stroke),
-        start.peak_speed * np.exp(speed),
-        np.where(start.waves > 0, start.waves + waves, 0.0),
-        start.phi,
-    )
+    waves = np.where(start.waves > 0, start.waves + waves, 0.0)
+    stroke, speed = start.stroke * np.exp(stroke), start.peak_speed * np.exp(speed)
+    return GearFriction(start.delay + delay, stroke, speed, waves, start.phi)
 
 
 def _step(

@@ -168,6 +168,11 @@ class Target:
     value: float  # largest standard deviation [N·m, 1, kg]
     unit: str  # of the text
 
+    @property
+    def criterion(self) -> str:
+        """Criterion of its designs."""
+        return "a" if self.kind == "payload" else self.kind
+
     def shown(self, value: float) -> str:
         """A standard deviation in the unit of the target."""
         return f"{value / UNITS[self.kind][self.unit]:.3g} {self.unit}"
@@ -353,12 +358,8 @@ def _designed(
     lib: Library, target: Target, settings: DesignSettings, duration: float, search: dict[str, Any]
 ) -> Design:
     harmonics = int(np.clip(round(PER_SECOND * duration), FEWEST_HARMONICS, settings.harmonics))
-    chosen = replace(
-        settings,
-        duration=duration,
-        harmonics=min(harmonics, settings.harmonics),
-        criterion="a" if target.kind == "payload" else target.kind,
-    )
+    harmonics, kind = min(harmonics, settings.harmonics), target.criterion
+    chosen = replace(settings, duration=duration, harmonics=harmonics, criterion=kind)
     optimum = design(lib, chosen, **search)
     inside = pulled_inside(lib, optimum.trajectory, share=settings.margin)
     return replace(optimum, trajectory=inside)

@@ -79,15 +79,9 @@ def campaign_command(given: CampaignSettings) -> None:
     Exit code 1: the time ended before the target was reached.
     """
     wanted = target_of(given.target)
-    plan = Plan(
-        given.target,
-        given.duration,
-        given.later_duration,
-        _speeds(given.stages),
-        given.most_seconds,
-        given.seed,
-        given.rehearsal,
-    )
+    times = given.values("duration", "later_duration", "most_seconds")
+    stages, seed = _speeds(given.stages), given.seed
+    plan = Plan(given.target, stages=stages, seed=seed, rehearses=given.rehearsal, **times)
     lib = open_robot(given.robot, given.yes)
     safety = given.safety()
     gains = None

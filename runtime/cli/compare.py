@@ -96,25 +96,15 @@ def compare_command(given: CompareSettings) -> None:
     if isinstance(log, StreamedRecording):
         for name in names:
             require_streamable(name)
-    wanted = Settings(
-        friction=given.friction,
-        coulomb_speed=given.coulomb_speed,
-        cutoff=given.cutoff,
-        rate=given.rate,
-        regressor=given.regressor,
-        split=log_options.split_of(given.split),
-        inputs=log_options.inputs_of(names, lib, controller=given.controller) or None,
-        seed=given.seed,
-        refit=False,
-        rows=given.rows,
-    )
+    inputs = log_options.inputs_of(names, lib, controller=given.controller) or None
+    wanted = Settings(**given.shared(), inputs=inputs, refit=False)
     with counting(state()) as bar:
         shown = log_options.shown_progress(bar, "compare", lib.name)
         assembly, notes = assembly_of_logs(log, lib, wanted, names, shown)
     if assembly.source_note:
         notes.append(assembly.source_note)
     same = ("recipe", "run", "friction", "coulomb_speed", "cutoff", "rate", "split", "regressor")
-    settings = {name: getattr(given, name) for name in (*same, "seed")} | {
+    settings = given.values(*same, "seed") | {
         "methods": list(names),
         "stream": streams,
         "loop": None if given.controller is None else given.controller.name,

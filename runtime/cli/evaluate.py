@@ -62,15 +62,8 @@ def evaluate_command(given: EvaluateSettings) -> None:
         print_errors(f"{lib.name}: errors on {Path(given.log).name}", names, *of_rows.values())
         say_notes(notes)
         return
-    done = evaluate(
-        given.result,
-        given.log,
-        lib,
-        recipe=given.recipe,
-        run=given.run,
-        cutoff=given.cutoff,
-        rate=given.rate,
-    )
+    steps = given.values("recipe", "run", "cutoff", "rate")
+    done = evaluate(given.result, given.log, lib, **steps)
     if given.as_json:
         print(json_text(done.to_facts(), allow_nan=True), end="")
         return

@@ -204,10 +204,8 @@ def session_notes(ways: SessionPlan, session: PlannedSession) -> tuple[str, ...]
     seconds = f"session: {_times(ways, motion)} = {whole:.3g} s"
     if session.facts()["runs"] > 1:
         seconds += f", twice: {2 * whole:.3g} s"
-    tried = ", ".join(
-        f"{taken:.3g} s {session.target.shown(sigma)}"
-        for taken, sigma in sorted(session.attempts.items())
-    )
+    shown, attempts = session.target.shown, sorted(session.attempts.items())
+    tried = ", ".join(f"{taken:.3g} s {shown(sigma)}" for taken, sigma in attempts)
     return (session.sentence(), seconds, f"tried: {tried}")
 
 
@@ -256,16 +254,9 @@ def excite_static(lib: Library, safety: Safety, given: ExciteSettings) -> Path:
     table = path.with_suffix(".csv")
     consent = "--settings overwrite=true"
     require_unused((path, table, settings_place(path)), given.overwrite, consent=consent)
-    noise = planned_noise(lib, given.noise)
-    designed = design_poses(
-        lib,
-        POSES if given.poses is None else given.poses,
-        safety,
-        noise.sigma,
-        1.0 if given.margin is None else given.margin,
-        given.starts,
-        given.seed,
-    )
+    noise, count = planned_noise(lib, given.noise), POSES if given.poses is None else given.poses
+    share = 1.0 if given.margin is None else given.margin
+    designed = design_poses(lib, count, safety, noise.sigma, share, given.starts, given.seed)
     for place, content in ((path, pose_json(designed, lib)), (table, pose_table(designed, lib))):
         with replacing(place) as file:
             file.write(content)

@@ -88,7 +88,6 @@ class ExciteSettings(MotionChoices):
     )
     static: bool = method_field(
         False,
-        "--static",
         help="Poses at rest in place of a motion, for the gravity parameters of robots whose "
         "torque is coarse: each is reached from both sides, so that Coulomb friction cancels.",
     )
@@ -100,7 +99,6 @@ class ExciteSettings(MotionChoices):
     )
     document: bool = method_field(
         False,
-        "--document",
         help="Problem of the document: criterion cond, limits of position, velocity and "
         "acceleration only. Such a motion can hit the table that an FR3 stands on.",
     )
@@ -113,7 +111,7 @@ class ExciteSettings(MotionChoices):
         autocompletion=completing(BASES),
         help=f"Functions of the motion. {sentences_of(BASES)}.",
     )
-    zero_jerk: bool = method_field(False, "--zero-jerk", help="Begin and end with zero jerk too.")
+    zero_jerk: bool = method_field(False, help="Begin and end with zero jerk too.")
     noise: str = model_field("0.05", metavar="σ|LOG", help=f"{planned_log.NOISE_HELP}.")
     noise_model: planned_log.NoiseModel = planned_log.WHITE
     cutoff: planned_log.Cutoff = None
@@ -135,7 +133,6 @@ class ExciteSettings(MotionChoices):
     margin: float | None = method_field(help=MARGIN_HELP)
     pictures: bool = output_field(
         False,
-        "--pictures",
         help="Write PNG files beside the JSON: motion and torque of every joint with limits, "
         "velocity over position (-speed), path of the tip and distances (-space).",
     )
@@ -148,7 +145,6 @@ class ExciteSettings(MotionChoices):
     )
     motions: int = method_field(
         1,
-        "--motions",
         metavar="K",
         help="Number of motions that share --duration, each designed with what those before it "
         "determine; written as NAME-1.json to NAME-K.json. symgen approach exports them.",

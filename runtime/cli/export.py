@@ -71,10 +71,8 @@ def sample_command(given: SampleSettings) -> None:
     kinds = tuple(kind for kind in chosen if kind in names)
     randomisers = tuple(kind for kind in chosen if kind in sampled_models.RANDOMISERS)
     folder = given.out or folder_of(given.result) / "samples"
-    paths = [
-        *sampled_models.sample_paths(folder, given.count, kinds),
-        *sampled_models.randomiser_paths(folder, randomisers),
-    ]
+    further = sampled_models.randomiser_paths(folder, randomisers)
+    paths = [*sampled_models.sample_paths(folder, given.count, kinds), *further]
     written = ResultFolder(tuple(path.name for path in paths), "factors")
     written.require(folder, given, given.overwrite)
     saved, lib, notes = open_result(given, given.result, free_base=True, same_bodies=True)
@@ -97,8 +95,8 @@ def sample_command(given: SampleSettings) -> None:
     if raised := [f"{name} × {significant(float(by))}" for name, by in thick if by > 1.01]:
         notes = (*notes, THICKENED.format(", ".join(raised)))
     say_notes(notes)
-    further = [path.name for path in sampled_models.randomiser_paths(folder, randomisers)]
-    say(f"files: {', '.join([str(folder / sampled_models.TABLE), *further])}")
+    names_of_files = [str(folder / sampled_models.TABLE), *(path.name for path in further)]
+    say(f"files: {', '.join(names_of_files)}")
 
 
 def _list_formats(wanted: bool) -> None:
@@ -121,9 +119,9 @@ class ExportSettings(ResultChoices):
     out: Path | None = output_field(
         metavar="FOLDER", help="Folder of the files; default RESULT/export."
     )
-    overwrite: bool = output_field(False, "--overwrite", help="Replace existing files.")
+    overwrite: bool = output_field(False, help="Replace existing files.")
     formats: bool = output_field(
-        False, "--formats", callback=_list_formats, is_eager=True, help="List the formats and exit."
+        False, callback=_list_formats, is_eager=True, help="List the formats and exit."
     )
 
 

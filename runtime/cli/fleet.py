@@ -78,28 +78,20 @@ def fleet_command(given: FleetSettings) -> None:
     parts = given.out.with_name(f"{given.out.name}.parts")
     with counting() as progress:
         task = progress.add_task("statistics", total=len(files))
-        units = gather(
-            lib,
-            given.folder,
-            parts,
-            scheduler=given.scheduler,
-            progress=lambda done, _: progress.update(task, completed=done),
-        )
+
+        def shown(done: int, _: int) -> None:
+            progress.update(task, completed=done)
+
+        units = gather(lib, given.folder, parts, scheduler=given.scheduler, progress=shown)
     fit = fit_fleet(lib, units)
     friction = fit_friction(lib, units, fit)
     names = [unit.name for unit in units]
     write_prior(given.out, prior_text(lib, names, fit, friction, fit_noise(units, fit)), lib)
     given.write(given.out)
     with replacing(beside) as file:
-        np.savez(
-            file,
-            names=np.asarray(names),
-            pi=fit.pi,
-            p_value=fit.p_value,
-            stands_out=fit.stands_out,
-            columns=np.asarray(friction.columns or ("",)),
-            phi=friction.units,
-        )
+        columns = np.asarray(friction.columns or ("",))
+        known: dict[str, Any] = {"pi": fit.pi, "p_value": fit.p_value, "stands_out": fit.stands_out}
+        np.savez(file, names=np.asarray(names), **known, columns=columns, phi=friction.units)
     remove_parts(parts)
     if given.as_json:
         print(json_text(_facts(lib, units, fit, friction, given.out)), end="")

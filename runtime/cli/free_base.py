@@ -78,15 +78,11 @@ def _sentences(record: ResultRecord) -> Iterator[str]:
 def _of_links(record: ResultRecord) -> Iterator[str]:
     """Parameters that the motion does not determine: of every link with --verbose, else a count."""
     links = () if record.uncertainty is None else record.uncertainty.links
-    unknown = {
-        link.name: [
-            name
-            for name, verdict in zip(PI_NAMES, known.verdicts, strict=True)
-            if verdict == PRIOR_DOMINATED
-        ]
-        for link, known in zip(record.links, links, strict=True)
-    }
-    listed = {link: names for link, names in unknown.items() if names}
+    listed = {}
+    for body, known in zip(record.links, links, strict=True):
+        pairs = zip(PI_NAMES, known.verdicts, strict=True)
+        if names := [name for name, verdict in pairs if verdict == PRIOR_DOMINATED]:
+            listed[body.name] = names
     if VERBOSE.get():
         for link, names in listed.items():
             yield f"link {link}: not identifiable {', '.join(names)}"

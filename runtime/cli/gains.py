@@ -160,10 +160,8 @@ def _table(gains: Gains, plan: Plan, factors: tuple[float, ...], lib: Library) -
     outputs = torque_units(lib.manifest)
     if gains.channels != lib.joint_names:  # motors, each of which may drive several joints
         outputs = (common_unit(outputs),) * len(factors)
-    units = tuple(
-        f"{torque}/A" if unit.endswith("A") else unit
-        for torque, unit in zip(outputs, units, strict=True)
-    )
+    pairs = zip(outputs, units, strict=True)
+    units = tuple(f"{torque}/A" if unit.endswith("A") else unit for torque, unit in pairs)
     rows = []
     for j, name in enumerate(gains.channels):
         gain = _interval(gains.estimate[j], gains.sigma[j], 4) if gains.is_determined[j] else "-"

@@ -8,7 +8,7 @@ import shlex
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,6 @@ from runtime.cli.log_options import (
     prior_of,
     runs_of,
     shown_progress,
-    split_of,
     walks_of,
 )
 from runtime.common.settings import data_field, method_field, model_field, output_field
@@ -42,7 +41,7 @@ from runtime.identification.problem_setup import settings_for
 from runtime.identification.result_file import write_result
 from runtime.identification.result_record import ResultRecord
 from runtime.identification.result_tables import error_table, share_table, tested_on
-from runtime.identification.settings import AUTO, NAMES, Settings
+from runtime.identification.settings import AUTO, Settings
 from runtime.identification.statistics_file import statistics_of, write_statistics
 from runtime.library import Library
 from runtime.outputs.model_files.export import write_urdf
@@ -93,7 +92,6 @@ class IdentifySettings(FitChoices):
     )
     tie: bool = model_field(
         False,
-        "--tie",
         help="With the setting symmetric: the right link is the mirror image of the left one, "
         "and viscous friction and armature of both differ by a tenth; dry friction stays "
         "apart.",
@@ -124,7 +122,6 @@ class IdentifySettings(FitChoices):
     )
     robust: bool = method_field(
         False,
-        "--robust",
         help="Huber weights on blocks of training rows, for map, pc-ols, ols and wls; the "
         "notes name the rows that count less.",
     )
@@ -144,13 +141,11 @@ class IdentifySettings(FitChoices):
         "known (methods without early stopping).",
     )
     save_statistics: bool = output_field(
-        False,
-        "--save-statistics",
-        help="Write statistics.npz, the compressed log that fleet needs.",
+        False, help="Write statistics.npz, the compressed log that fleet needs."
     )
     report: bool = output_field(True, help="Write report.html; its figures cost most of a second.")
     out: Path | None = output_field(
-        None, "--out", metavar="FOLDER", help="Folder of the result; default results/LOG-METHOD."
+        metavar="FOLDER", help="Folder of the result; default results/LOG-METHOD."
     )
 
     def fitted(self, lib: Library) -> Settings:
@@ -160,19 +155,17 @@ class IdentifySettings(FitChoices):
                 "save_statistics needs the uncertainty, which certify=false leaves out; "
                 "leave out one of them"
             )
-        same = {field.name for field in fields(self)} & set(NAMES)
         files: dict[str, Any] = {
             "prior": prior_of(self.prior, lib),
             "friction_prior": self._known_friction(lib),
             "symmetric": tuple(self.symmetric or ()),
-            "split": split_of(self.split),
             "preparation": self.preparation and load_recipe(self.preparation).preparation,
             "validation": self._other(self.validation, lib),
             "test": self._other(self.test, lib),
         }
         if self.lam0 is not None:
             files["lam0"] = numbers_option(self.lam0, len(lib.lam0), "the setting lam0")
-        settings = settings_for(lib, Settings(**{n: getattr(self, n) for n in same} | files))
+        settings = settings_for(lib, Settings(**self.shared() | files))
         method = chosen_method(settings.method, settings.preset, settings.prior)
         inputs = inputs_of([method], lib, controller=self.controller)
         return replace(settings, inputs=inputs or None)
@@ -287,12 +280,9 @@ def _print_details(result: AnyResult, record: ResultRecord) -> None:
     if not isinstance(result, Identification):
         return
     title = f"{record.robot}, {record.method}: torque error on {tested_on(record)} data"
-    errors = (record.torque_error_percent, record.torque_rms)
-    for table in (
-        error_table(*record.rows_of_errors, *errors, title),
-        share_table(record),
-        drive_table(record),
-    ):
+    errors = record.torque_error_percent, record.torque_rms
+    first = error_table(*record.rows_of_errors, *errors, title)
+    for table in (first, share_table(record), drive_table(record)):
         if table is not None:
             show(table)
     say(f"status: {result.status}")
@@ -314,11 +304,10 @@ def _written(result: AnyResult, folder: Path, given: IdentifySettings) -> list[s
         (folder / "report.html").unlink(missing_ok=True)
     if given.save_statistics:
         name = folder.resolve().name
-        known = (
-            statistics_of(result, name)
-            if isinstance(result, Identification)
-            else walks_result.statistics_of_walk(result, name)
-        )
+        if isinstance(result, Identification):
+            known = statistics_of(result, name)
+        else:
+            known = walks_result.statistics_of_walk(result, name)
         write_statistics(known, folder / STATISTICS)
         lines.append(f"statistics: {folder / STATISTICS}")
     else:
@@ -369,13 +358,8 @@ def _cell(value: Any, sigma: Any, factor: float = 1.0) -> str:
     return f"{factor * value:.4g}{spread}"
 
 
-_WRITTEN = ResultFolder(
-    (
-        *("result.json", "predictions.npz", "posterior.npz", "statistics.npz"),
-        *("identified.urdf", "report.html"),
-    ),
-    "method",
-)
+_FILES = ("result.json", "predictions.npz", "posterior.npz", STATISTICS, "identified.urdf")
+_WRITTEN = ResultFolder((*_FILES, "report.html"), "method")
 
 
 def identify_command(given: IdentifySettings) -> None:

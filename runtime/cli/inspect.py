@@ -16,6 +16,7 @@ from runtime.common.terminal import command_line, console, say, show
 from runtime.errors import RecordingError
 from runtime.inspection import ERROR, INFO, WARNING, Inspection, inspect_log, recipe_text
 from runtime.inspection.inspection import skeleton_text
+from runtime.library import Array
 from runtime.outputs.report.log_figure import draw_log
 
 _STYLES = {ERROR: "red", WARNING: "yellow", INFO: "dim"}
@@ -45,7 +46,7 @@ class InspectSettings(RobotChoices):
     overwrite: Overwrite = False
     as_json: bool = output_field(False, "--json", help="Print JSON instead.")
     strict: bool = output_field(
-        False, "--strict", help="Exit code 1 also for findings of the level information."
+        False, help="Exit code 1 also for findings of the level information."
     )
 
 
@@ -68,11 +69,8 @@ def inspect_command(given: InspectSettings) -> None:
     lib = open_robot(given.robot, given.yes)
     require_unused([given.plot] if given.plot else [], given.overwrite, "--plot")
     bare = given.recipe_out is not None and given.recipe is None
-    options: dict[str, Any] = {
-        "bare": bare,
-        "rate_hz": given.log_rate,
-        "propose": given.recipe_out is not None,
-    }
+    options: dict[str, Any] = {"bare": bare, "rate_hz": given.log_rate}
+    options["propose"] = given.recipe_out is not None
     with console.status("inspecting the log"):
         try:
             inspection = inspect_log(given.log, lib, given.recipe, given.run, **options)
@@ -109,23 +107,13 @@ def _show(inspection: Inspection) -> None:
     recording = inspection.recording
     rate = f", {recording.rate_hz:.4g} Hz" if len(recording) > 1 else ""
     title = f"{recording.name}: {len(recording)} rows, {recording.duration:.4g} s{rate}"
-    rows = []
     names = recording.joint_names or [str(j + 1) for j in range(recording.n_joints)]
-    for j, name in enumerate(names):
-        cells = [f"{recording.q[:, j].min():.4g}", f"{recording.q[:, j].max():.4g}"]
-        for values, largest in (
-            (recording.dq, False),
-            (recording.tau, False),
-            (recording.tau, True),
-        ):
-            if values is None:
-                cells.append("-")
-            else:
-                column = values[:, j]
-                size = np.abs(column).max() if largest else np.sqrt(np.mean(column**2))
-                cells.append(f"{size:.3g}")
-        rows.append((name, *cells))
-    show(Table(("joint", "q from", "to", "RMS dq", "RMS τ", "max |τ|"), tuple(rows), title=title))
+    ends = recording.q.min(axis=0), recording.q.max(axis=0)
+    columns = [[f"{x:.4g}" for x in end] for end in ends]
+    for values, size in ((recording.dq, _rms), (recording.tau, _rms), (recording.tau, _largest)):
+        columns.append(["-"] * len(names) if values is None else [f"{x:.3g}" for x in size(values)])
+    rows = tuple(zip(names, *columns, strict=True))
+    show(Table(("joint", "q from", "to", "RMS dq", "RMS τ", "max |τ|"), rows, title=title))
     for finding in inspection.findings:
         if finding.kind == "columns_by_content":
             show(_columns_table(finding.evidence["table"]))
@@ -134,6 +122,14 @@ def _show(inspection: Inspection) -> None:
         say(finding.sentence)
     count = {level: len(inspection.of_level(level)) for level in (ERROR, WARNING)}
     say(f"{count[ERROR]} error(s), {count[WARNING]} warning(s)")
+
+
+def _rms(values: Array) -> Array:
+    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
+
+
+def _largest(values: Array) -> Array:
+    return np.asarray(np.abs(values).max(axis=0))
 
 
 def _columns_table(rows: list[dict[str, Any]]) -> Table:

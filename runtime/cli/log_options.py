@@ -1,7 +1,7 @@
 """Choices on logs that several commands share, the files that they name, and their progress."""
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,7 +20,7 @@ from runtime.estimators.methods import METHODS
 from runtime.estimators.prior_file import PriorFile, read_prior
 from runtime.identification.identify import SEVERAL_STREAMED, Source
 from runtime.identification.saved_result import SavedResult, read_result, require_model
-from runtime.identification.settings import AUTO, Progress
+from runtime.identification.settings import AUTO, NAMES, Progress
 from runtime.identification.several_logs import NamedLog, read_carried
 from runtime.library import Array, Library
 from runtime.recording import EVERYTHING, REGRESSORS, Friction, Split, read_recording
@@ -111,7 +111,7 @@ class BodyChoices(LogChoices):
 
     rate: Rate = None
     link: str | None = settings.model_field(
-        None, "--link", help="Link that carries the payload; default the link of the tip."
+        help="Link that carries the payload; default the link of the tip."
     )
     cutoff: float | None = settings.method_field(
         metavar="HZ",
@@ -156,8 +156,6 @@ class FitChoices(LogChoices):
         "and didim need; simulate writes one as LOG.loop.toml.",
     )
     rows: str | None = settings.method_field(
-        None,
-        "--rows",
         metavar="base|joints|all",
         help="Equations of a robot with a free base: the six of the base, those of the joints, "
         "or all; default all, and base without torques.",
@@ -169,6 +167,11 @@ class FitChoices(LogChoices):
         "and bags above 200 MB.",
     )
     seed: common.Seed = 0
+
+    def shared(self) -> dict[str, Any]:
+        """Fields that `Settings` has, too."""
+        same = [each.name for each in fields(self) if each.name in NAMES]
+        return self.values(*same) | {"split": split_of(self.split)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -263,14 +266,12 @@ def opened_logs(
             raise IdentificationError(SEVERAL_STREAMED)
         carried = _carried(payload_of, [log for log, _ in runs], lib)
         same = len({log for log, _ in runs}) == 1
-        return [
-            NamedLog(
-                f"run {run}" if same and run else Path(log).stem,
-                read_recording(log, given.recipe, run, lib.joint_names),
-                carried=carried.get(log),
-            )
-            for log, run in runs
-        ]
+        named = []
+        for place, run in runs:
+            name = f"run {run}" if same and run else Path(place).stem
+            read = read_recording(place, given.recipe, run, lib.joint_names)
+            named.append(NamedLog(name, read, carried=carried.get(place)))
+        return named
     log = open_log(given.logs[0], given.recipe, given.run, lib.joint_names, stream)
     if isinstance(log, StreamedRecording):
         say(

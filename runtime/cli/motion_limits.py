@@ -213,11 +213,8 @@ def _homogeneous(mass: float, box: Array | None) -> Array:
 
 def _placed(mount: bodies.Mount, box: Array) -> CarriedBox:
     center = mount.translation + mount.rotation @ box.mean(axis=0)
-    return CarriedBox(
-        tuple(center.tolist()),
-        tuple(tuple(row) for row in mount.rotation.tolist()),
-        tuple((box[1] - box[0]).tolist()),
-    )
+    rotation, edges = mount.rotation.tolist(), (box[1] - box[0]).tolist()
+    return CarriedBox(tuple(center.tolist()), tuple(map(tuple, rotation)), tuple(edges))
 
 
 def band_of_prior(lib: Library, trust: str) -> Array:

@@ -144,11 +144,8 @@ class MotionChoices(LimitChoices):
         for stage in stages.values():
             stage.require_limits()
         for percent, stage in stages.items():
-            stem = _stem(path, percent)
-            files = [
-                str(export_trajectory(stage, stem, kind, self.export_rate, self.accepted))
-                for kind in self.export
-            ]
+            stem, how = _stem(path, percent), (self.export_rate, self.accepted)
+            files = [str(export_trajectory(stage, stem, kind, *how)) for kind in self.export]
             say(f"exported: {', '.join(files)}, {stem}{CERTIFICATE}")
 
 

@@ -36,13 +36,8 @@ from runtime.outputs.report.log_figure import draw_external_torque
 from runtime.recording import Recording
 from runtime.recording.consistency import require_plausible
 
-_WRITTEN = ResultFolder(
-    (
-        *("contacts.json", "external_torque.npz", "external_torque.png"),
-        *(*FILES, *torque_mcap.FILES),
-    ),
-    "contacts",
-)
+_SIGNALS = ("contacts.json", "external_torque.npz", "external_torque.png")
+_WRITTEN = ResultFolder((*_SIGNALS, *FILES, *torque_mcap.FILES), "contacts")
 RAISED = 2.0  # threshold by a calibration over that without, from which it is said
 OFTEN = 2.0  # expected over stated rate of false alarms from which it is said
 SHOWN = 20
@@ -54,7 +49,7 @@ class ObserveSettings(OfResult):
 
     options = "model out free robot overwrite recipe run as_json"
     log: Log
-    model: Path = data_field(..., "--model", metavar="RESULT", help="Folder written by identify.")
+    model: Path = data_field(..., metavar="RESULT", help="Folder written by identify.")
     false_alarms: str = method_field(
         "1 per hour",
         metavar="RATE",
@@ -78,7 +73,7 @@ class ObserveSettings(OfResult):
         f"{observation.WITHIN_S:g}, or three samples.",
     )
     mcap: bool = output_field(
-        False, "--mcap", help="Write the torques as MCAP too, with a PlotJuggler layout."
+        False, help="Write the torques as MCAP too, with a PlotJuggler layout."
     )
     overwrite: Overwrite = False
     recipe: Recipe = None

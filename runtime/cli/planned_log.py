@@ -40,7 +40,6 @@ WHITE, COLOURED = "white", "coloured"
 NoiseModel = Annotated[
     str,
     model_option(
-        "--noise-model",
         metavar="white|coloured",
         help="Spectrum of the noise of --noise LOG in the criteria: white counts autocorrelated "
         "rows as fewer; coloured weights every frequency of a motion by the noise of the log, "
@@ -50,7 +49,6 @@ NoiseModel = Annotated[
 Cutoff = Annotated[
     float | None,
     typer.Option(
-        "--cutoff",
         metavar="HZ",
         help="Cut-off of the low-pass that the log of the motion will pass: what the motion has "
         "beyond it does not count in the criteria.",
@@ -59,17 +57,12 @@ Cutoff = Annotated[
 EarlierLogs = Annotated[
     list[str] | None,
     data_option(
-        "--earlier-log",
-        metavar="LOG",
-        help="A log that is recorded already; its information is added. Repeatable.",
+        metavar="LOG", help="A log that is recorded already; its information is added. Repeatable."
     ),
 ]
 PayloadOnly = Annotated[
     bool,
-    typer.Option(
-        "--payload-only",
-        help="Only the ten parameters of the last link are unknown; the arm is known.",
-    ),
+    typer.Option(help="Only the ten parameters of the last link are unknown; the arm is known."),
 ]
 
 

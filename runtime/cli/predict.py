@@ -149,12 +149,9 @@ def _predict_walk(lib: Library, given: PredictSettings) -> None:
     result = identify(log, lib, cutoff=given.cutoff, friction=given.friction)
     now, names = accuracy.expected_of_walk(result), accuracy.named_of_walk
     before = names(result, now)
-    steps = tuple(
-        accuracy.gained(
-            before, names(result, accuracy.expected_of_walk(result, s)), s, "the same motion"
-        )
-        for s in (SECONDS if given.more else ())
-    )
+    later = {s: accuracy.expected_of_walk(result, s) for s in (SECONDS if given.more else ())}
+    pairs = ((s, names(result, sigma)) for s, sigma in later.items())
+    steps = tuple(accuracy.gained(before, after, s, "the same motion") for s, after in pairs)
     columns, total = list(result.friction.columns), before[accuracy.TOTAL_MASS]
     if given.as_json:
         figures = {"robot": lib.name, "motion": log.name, "seconds": result.evidence.seconds}

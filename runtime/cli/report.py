@@ -36,8 +36,8 @@ class ReportSettings(Choices):
         help="Write the tables between the markers <!-- reproduce --> of this Markdown file, "
         "with three pictures in the folder images beside it.",
     )
-    readme: bool = output_field(False, "--readme", help="The same as --settings into=README.md.")
-    open: bool = output_field(False, "--open", help="Show the page in the web browser.")
+    readme: bool = output_field(False, help="The same as --settings into=README.md.")
+    open: bool = output_field(False, help="Show the page in the web browser.")
     overwrite: Overwrite = False
 
 
@@ -72,14 +72,8 @@ def report_command(given: ReportSettings) -> None:
             require_unused(
                 kind.pictures(given.results, given.figures), given.overwrite, "the setting figures"
             )
-        written = kind.write(
-            given.results,
-            page,
-            tables_to=given.markdown,
-            figures_to=given.figures,
-            readme=place,
-            command=command_line(),
-        )
+        into = {"tables_to": given.markdown, "figures_to": given.figures, "readme": place}
+        written = kind.write(given.results, page, **into, command=command_line())
     elif given.markdown or given.figures or given.into or given.readme:
         raise IdentificationError(
             "the settings markdown, figures, into and readme need a folder written by reproduce, "

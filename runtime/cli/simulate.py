@@ -130,11 +130,10 @@ def simulate_command(given: SimulateSettings) -> None:
     require_unused([path, *map(path.with_suffix, BESIDE), settings_place(path)], given.overwrite)
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task("designing a trajectory", total=1.0)
-        motion = (
-            read_trajectory(given.trajectory, lib)
-            if given.trajectory
-            else design(lib, starts=1, seed=given.seed).trajectory
-        )
+        if given.trajectory:
+            motion = read_trajectory(given.trajectory, lib)
+        else:
+            motion = design(lib, starts=1, seed=given.seed).trajectory
         progress.update(task, description="simulating")
 
         def report(part: float) -> None:
@@ -165,22 +164,12 @@ def _virtual(
 ) -> Made:
     settings = simulation.settings_of(lib, given.virtual_robot)
     box = None if given.payload is None else simulation.read_payload(given.payload)
-    log = simulation.record(
-        lib,
-        motion,
-        settings,
-        seed=given.seed,
-        truth_seed=given.truth_seed,
-        payload=box,
-        progress=report,
-    )
+    seeds = given.values("seed", "truth_seed")
+    log = simulation.record(lib, motion, settings, **seeds, payload=box, progress=report)
     controller = simulation.Controller(stiffness=settings.stiffness, damping=settings.damping)
-    known = (
-        (controller, settings.rotor, settings.rate_hz)
-        if settings.law == "computed_torque"
-        else None
-    )
-    return log.recording, log.truth.facts(lib), known
+    known = controller, settings.rotor, settings.rate_hz
+    is_known = settings.law == "computed_torque"
+    return log.recording, log.truth.facts(lib), known if is_known else None
 
 
 def _compiled(
@@ -189,14 +178,9 @@ def _compiled(
     rng = np.random.default_rng(given.seed)
     lam = perturbed_lam(lib, given.perturb, rng)
     pi = lib.pi_from_lam(lam)
-    parts = {"viscous": given.viscous, "coulomb": given.coulomb, "rotor": given.rotor}
-    plant = simulation.Plant(
-        pi,
-        **parts,
-        position_noise=given.position_noise,
-        velocity_noise=given.velocity_noise,
-        torque_noise=given.torque_noise,
-    )
+    parts = given.values("viscous", "coulomb", "rotor")
+    noise = given.values("position_noise", "velocity_noise", "torque_noise")
+    plant = simulation.Plant(pi, **parts, **noise)
     usual = 100.0 if given.exact else 1000.0
     rate = usual if given.control_rate is None else given.control_rate
     truth = {

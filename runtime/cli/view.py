@@ -28,7 +28,7 @@ class ViewSettings(LogChoices):
         metavar="DIR", help="Folder that holds the package:// of the meshes; repeatable."
     )
     port: int = output_field(8080, help="Port of the server; if it is used, the next one.")
-    no_open: bool = method_field(False, "--no-open", help="Do not open a browser.")
+    no_open: bool = method_field(False, help="Do not open a browser.")
     html: Path | None = output_field(
         metavar="FILE", help="Write the animation as one HTML file instead of serving it."
     )

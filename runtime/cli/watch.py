@@ -23,6 +23,8 @@ from runtime.recording import Recording
 from runtime.recording.reader import locate, mean_of_column, read_further
 
 SHOWN = 5
+_CHANGE = ("group", "where", "size", "interval", "unit")
+_TEST = ("group", "where", "size", "unit", "p_value", "freedom", "score", "least")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,15 +97,11 @@ def watch_command(given: WatchSettings) -> None:
             "result_sha256": hashlib.sha256(bytes_of(file)).hexdigest(),
             "model_hash": lib.manifest.model_hash,
         }
-        append_history(
-            given.history,
-            [
-                check | {"log_sha256": dict(log.source)} | each | facts | {"sizes": _sizes(verdict)}
-                for log, each, facts, verdict in zip(
-                    joints, circumstances, entries, verdicts, strict=True
-                )
-            ],
-        )
+        rows = []
+        for log, each, facts, verdict in zip(joints, circumstances, entries, verdicts, strict=True):
+            marks = {"log_sha256": dict(log.source), "sizes": _sizes(verdict)}
+            rows.append(check | each | facts | marks)
+        append_history(given.history, rows)
     worst = min(range(len(entries)), key=lambda k: entries[k]["p_value"])
     if given.as_json:
         many = {"logs": entries} if len(entries) > 1 else {}
@@ -128,35 +126,31 @@ def _of_run(
 
 
 def _facts(verdict: drift.Verdict) -> dict[str, Any]:
-    named = ("group", "where", "size", "interval", "unit")
+    best = _picked(verdict.best, *_CHANGE) if verdict.changed else dict.fromkeys(_CHANGE)
     return {
         "log": verdict.log,
         "changed": verdict.changed,
-        **{key: getattr(verdict.best, key) if verdict.changed else None for key in named},
+        **best,
         "p_value": verdict.p_value,
         "alpha": drift.ALPHA,
         "n_eff": verdict.n_eff,
         "torque_error_percent": verdict.error,
         "sentence": verdict.sentence(),
-        "tests": [_test_facts(test) for test in verdict.tests[:SHOWN]],
-        "beside": [_test_facts(test) for test in verdict.beside[:SHOWN]],
+        "tests": [_picked(test, *_TEST) for test in verdict.tests[:SHOWN]],
+        "beside": [_picked(test, *_TEST) for test in verdict.beside[:SHOWN]],
         "references": verdict.references,
         "hidden": verdict.hidden(),
     }
 
 
-def _test_facts(test: drift.Change) -> dict[str, Any]:
-    keys = ("group", "where", "size", "unit", "p_value", "freedom", "score", "least")
-    return {key: getattr(test, key) for key in keys}
+def _picked(test: drift.Change, *names: str) -> dict[str, Any]:
+    return {name: getattr(test, name) for name in names}
 
 
 def _sizes(verdict: drift.Verdict) -> list[dict[str, Any]]:
     """Estimated size of every change that has one, for trends."""
-    return [
-        {key: getattr(test, key) for key in ("group", "where", "size", "unit", "interval")}
-        for test in verdict.tests
-        if test.size is not None and test.interval is not None
-    ]
+    sized = (each for each in verdict.tests if each.size is not None and each.interval is not None)
+    return [_picked(each, *_CHANGE) for each in sized]
 
 
 def _recorded(log: str, date: str | None) -> str:

@@ -84,13 +84,14 @@ def _limit(limits: Mapping[str, Any]) -> None:
     if resource is None:
         return
     seconds, memory, file = limits["seconds"], limits["memory"], limits["file"]
-    for name, soft, hard in (
-        ("RLIMIT_CPU", seconds, seconds + 5),
-        ("RLIMIT_AS", memory, memory),
-        ("RLIMIT_FSIZE", file, file),
-        ("RLIMIT_CORE", 0, 0),
-    ):
+    most = {
+        "CPU": (seconds, seconds + 5),
+        "AS": (memory,) * 2,
+        "FSIZE": (file,) * 2,
+        "CORE": (0, 0),
+    }
+    for name, ends in most.items():
         try:
-            resource.setrlimit(getattr(resource, name), (soft, hard))
+            resource.setrlimit(getattr(resource, f"RLIMIT_{name}"), ends)
         except (ValueError, OSError):  # a lower limit is in force, or the system has none
             continue

@@ -74,6 +74,10 @@ class Choices:
     def __init_subclass__(cls) -> None:
         cls.command = cls.__name__.removesuffix("Settings").lower()
 
+    def values(self, *names: str) -> dict[str, Any]:
+        """Values of some choices by name."""
+        return {name: getattr(self, name) for name in names}
+
     def stated(self) -> dict[str, str]:
         """Choices other than their defaults: field → how it is written."""
         given = {}
@@ -146,6 +150,8 @@ def choices_of(record: type[Choices]) -> tuple[Choice, ...]:
         default = one.default
         if default is MISSING and one.default_factory is not MISSING:
             default = one.default_factory()
+        if default is False and not declared:  # without --no-NAME
+            info.param_decls = (f"--{one.name.replace('_', '-')}",)
         key = key.replace("-", "_")
         if key != one.name and key in hints:  # an argument of that name
             key = one.name

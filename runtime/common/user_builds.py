@@ -58,12 +58,7 @@ def record_build(robot: str, folder: Path, sha256: str) -> str:
 def is_user_build(library: Path, sha256: str) -> bool:
     """Whether this user compiled a library."""
     records = records_folder()
-    record = records / f"{sha256}.json"
-    return (
-        is_safe_from_others(library.resolve())
-        and is_safe_from_others(records)
-        and is_safe_from_others(record)
-    )
+    return all(map(is_safe_from_others, (library.resolve(), records, records / f"{sha256}.json")))
 
 
 def built_folders(robot: str) -> list[Path]:

@@ -140,16 +140,10 @@ def prior_test(
         inverse = np.linalg.pinv(ends[k].hessian(), hermitian=True)
         return float(np.sqrt(level / data.count * inverse[N_PARAMETERS * k, N_PARAMETERS * k]))
 
-    return PriorTest(
-        statistic,
-        threshold,
-        float(decrease.max()),
-        single,
-        tuple(lib.link_names[k] for k in named),
-        tuple((float(centres[k]), float(released[k]), sigma(k)) for k in named),
-        scale,
-        missed,
-    )
+    names = tuple(lib.link_names[k] for k in named)
+    masses = tuple((float(centres[k]), float(released[k]), sigma(k)) for k in named)
+    most = float(decrease.max())
+    return PriorTest(statistic, threshold, most, single, names, masses, scale, missed)
 
 
 def _misfit(data: Reduced, pi: Array) -> float:
@@ -328,12 +322,11 @@ def _of_cause(lib: Library, named: tuple[Cause, ...]) -> str:
 
 def _of_limits(lib: Library, causes: Causes) -> tuple[str, ...]:
     """Sentence on gains, encoder zeros and tilts that may be wrong without a trace."""
-    hidden = [
-        f"{name} ({f'up to {100 * limit:.2g} %' if limit < 1 else 'of any size'})"
-        for name, limit in zip(lib.joint_names, causes.limits(GAIN), strict=False)
-        if limit > VISIBLE
-    ]
-    said = []
+    said, hidden = [], []
+    for name, limit in zip(lib.joint_names, causes.limits(GAIN), strict=False):
+        if limit > VISIBLE:
+            size = f"up to {100 * limit:.2g} %" if limit < 1 else "of any size"
+            hidden.append(f"{name} ({size})")
     if hidden:
         said.append(
             f"this log may not show a wrong torque gain of {', '.join(hidden)}, because friction "

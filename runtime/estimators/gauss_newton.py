@@ -24,9 +24,8 @@ class Linearised:
 
     step: Array  # Δ to its minimum, (p,)
     sigma: Array  # unit of a step per component, (p,); NaN where a component does not count
-    cost: Callable[[Array], float] | None = (
-        None  # of any x by the weights of this x; None: any step
-    )
+    # of any x by the weights of this x; None: any step is taken
+    cost: Callable[[Array], float] | None = None
     order: float = np.inf  # of the norm of a step over its unit
 
     def size(self, share: float = 1.0) -> float:

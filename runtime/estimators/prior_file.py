@@ -316,10 +316,8 @@ class _Rows:
         mass = self._unit(link, "m")
         for axis, key in enumerate(("mX", "mY", "mZ")):
             moment = self._unit(link, key)
-            self.bounds += [
-                ConstraintRow(name, moment - high[axis] * mass, 0.0),
-                ConstraintRow(name, low[axis] * mass - moment, 0.0),
-            ]
+            for row in (moment - high[axis] * mass, low[axis] * mass - moment):
+                self.bounds.append(ConstraintRow(name, row, 0.0))
 
     def hull(self, link: str, points: tuple[Vector3, ...]) -> None:
         """Add that c lies in the convex hull of points: n·(m c) + d m ≤ 0 for its facets."""

@@ -199,10 +199,9 @@ def in_unit(problem: Problem, unit: float) -> Problem:
         return replace(samples, tau=samples.tau / unit)
 
     # λ of π/s: ln m − ln s, and semi-axes over √s; c and ω stay.
-    bodies = [
-        lam_from_parts(log_mass - np.log(unit), centre, omega, axes / np.sqrt(unit))
-        for log_mass, centre, omega, axes in map(lam_parts, links(problem.start))
-    ]
+    log, root = np.log(unit), np.sqrt(unit)
+    parts = map(lam_parts, links(problem.start))
+    bodies = [lam_from_parts(m - log, c, omega, axes / root) for m, c, omega, axes in parts]
     return replace(
         problem,
         train=scaled(problem.train),

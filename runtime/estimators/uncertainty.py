@@ -154,12 +154,8 @@ class Uncertainty:
         first = self.root.shape[0]
         root = np.insert(self.root, [first], moved, axis=1)
         known = self.phi_nuisance if self.phi_nuisance.size else np.zeros((len(phi), 0))
-        return replace(
-            self,
-            root=root,
-            beta_sigma=np.linalg.norm(lib.base_matrix @ root, axis=1),
-            phi_nuisance=np.hstack([phi, known]),
-        )
+        sigma, whole = np.linalg.norm(lib.base_matrix @ root, axis=1), np.hstack([phi, known])
+        return replace(self, root=root, beta_sigma=sigma, phi_nuisance=whole)
 
     def advice(self) -> str:
         """Advice on the trust in the result, the limits of the log and the next recording."""
@@ -247,11 +243,9 @@ def uncertainty_of(
     base = lib.base_matrix
     silent = np.logical_not(base.any(axis=0)).tolist()
     lengths = np.linalg.norm(statistics.factor, axis=0)
-    excited = np.linalg.svd(
-        reduce(statistics, samples.equations)[0].factor[:, list(lib.base_columns)]
-        / np.where(lengths > 0, lengths, 1.0)[: len(base)],
-        compute_uv=False,
-    )
+    over_base = reduce(statistics, samples.equations)[0].factor[:, list(lib.base_columns)]
+    units = np.where(lengths > 0, lengths, 1.0)[: len(base)]
+    excited = np.linalg.svd(over_base / units, compute_uv=False)
     # A rotor column that a link's inertia explains: their sum is excited, so it counts.
     shared = int(np.sum(statistics.explained() & (lengths[len(base) :] > 0)))
     known = int(np.sum(excited > 1e-9 * excited[:1]))  # the largest is first

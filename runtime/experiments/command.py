@@ -49,9 +49,7 @@ class ReproduceSettings(RobotChoices):
     scheduler: str | None = method_field(
         metavar="tcp://HOST:PORT", help="Compute on the workers of this dask cluster instead."
     )
-    fresh: bool = method_field(
-        False, "--fresh", help="Delete the trials in the folder and compute all again."
-    )
+    fresh: bool = method_field(False, help="Delete the trials in the folder and compute all again.")
 
 
 def reproduce_command(given: ReproduceSettings) -> None:
@@ -80,16 +78,8 @@ def reproduce_command(given: ReproduceSettings) -> None:
                 tasks[name] = progress.add_task(STUDIES[name].title, total=total)
             progress.update(tasks[name], completed=done)
 
-        request = Request(
-            out=given.out,
-            trials=given.trials,
-            seed=given.seed,
-            scheduler=given.scheduler,
-            fresh=given.fresh,
-            command=command_line(),
-            progress=reported,
-            notify=say,
-        )
+        wanted = given.values("out", "trials", "seed", "scheduler", "fresh")
+        request = Request(**wanted, command=command_line(), progress=reported, notify=say)
         try:
             results = [reproduce(lib, study, request) for study in studies]
         except KeyboardInterrupt:

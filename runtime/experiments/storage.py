@@ -18,6 +18,7 @@ import numpy as np
 from filelock import FileLock, Timeout
 
 from runtime.common.files import json_of, replacing, sha256_of, write_json
+from runtime.common.optional import optional
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.experiments.study import FORMAT, Row, Study, StudyOutcome
 from runtime.library import Array, Library
@@ -54,14 +55,8 @@ HASH = b"config_hash"
 
 def arrow() -> Any:
     """Import pyarrow and its Parquet module."""
-    try:
-        import_module("pyarrow.parquet")
-        return import_module("pyarrow")
-    except ImportError:
-        raise RuntimeFault(
-            "trials of experiments are Parquet files, which need pyarrow; install it with: "
-            "pip install 'symgen[experiments]'"
-        ) from None
+    optional("pyarrow.parquet", "a file of trials", "experiments")
+    return import_module("pyarrow")
 
 
 def write_rows(rows: list[Row], path: Path, mark: str) -> None:

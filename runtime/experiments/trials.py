@@ -70,11 +70,8 @@ def sinusoidal(
     phase = np.random.default_rng(seed).uniform(0, 2 * np.pi, lib.n_joints)
     t = sample_times(duration, rate_hz)
     angle = PULSATION * t[:, None] + phase
-    q, dq, ddq = (
-        lib.home + b * np.sin(angle),
-        PULSATION * b * np.cos(angle),
-        -(PULSATION**2) * b * np.sin(angle),
-    )
+    turn, rate = b * np.sin(angle), PULSATION * b * np.cos(angle)
+    q, dq, ddq = lib.home + turn, rate, -(PULSATION**2) * turn
     sentence = f"Sines of {PULSATION:g} rad/s, {len(t)} samples at {rate_hz:g} Hz."
     recording = Recording(
         t, q, dq, ddq, name="sinusoidal", joint_names=lib.joint_names, history=(sentence,)
@@ -272,14 +269,8 @@ def setup_along(
     """Samples of designed motions, best first: training, validation, test."""
     pi = document_robot(lib)
     runs = [samples_of(ideal(lib, m, Plant(pi), config.rate_hz), lib) for m in motions]
-    return MonteCarloSetup(
-        lib=lib,
-        config=config,
-        lam=lib.lam_from_pi(pi),
-        train={"designed": runs[0]},
-        held=runs[1],
-        scorer=scorer_of(lib, runs[2], pi, config.configurations),
-    )
+    scorer, train = scorer_of(lib, runs[2], pi, config.configurations), {"designed": runs[0]}
+    return MonteCarloSetup(lib, config, lib.lam_from_pi(pi), train, runs[1], scorer)
 
 
 def run_cases(setup: MonteCarloSetup, numbers: range, threads: int) -> list[Row]:

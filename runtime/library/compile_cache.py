@@ -237,11 +237,8 @@ def is_whole(entry: Path, robot: str) -> bool:
     """Whether the bytes of a library are those that this user has compiled."""
     try:
         library = entry / f"lib{robot}.so"
-        return (
-            is_safe_from_others(entry)
-            and is_safe_from_others(library)
-            and bool(json_of(entry / "build.json")["sha256"] == sha256_of(library))
-        )
+        is_safe = is_safe_from_others(entry) and is_safe_from_others(library)
+        return is_safe and bool(json_of(entry / "build.json")["sha256"] == sha256_of(library))
     except (OSError, ValueError, KeyError, TypeError):
         return False
 

@@ -42,9 +42,8 @@ class AdamProblem:
     start: Array  # x = [λ, ψ]
     training: LeastSquares  # training, held: what to descend on, without samples, and to stop
     held: LeastSquares
-    samples: (
-        Array | None
-    )  # [q dq ddq tau columns], columns in units of ψ; None descends on `training`
+    # [q dq ddq tau columns], columns in units of ψ; None descends on `training`
+    samples: Array | None
     weights: Array  # diagonal of W of the samples, (n,)
 
 

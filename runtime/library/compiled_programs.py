@@ -234,12 +234,8 @@ class CompiledClosedLoop:
         job = self._job = _LoopJob(
             substeps=substeps, period=period, coulomb_speed=body.coulomb_speed
         )
-        arrays: dict[str, Array] = {
-            name: getattr(part, name)
-            for part in (body, law)
-            for name in part.__slots__
-            if name != "coulomb_speed"
-        }
+        values = {name: getattr(part, name) for part in (body, law) for name in part.__slots__}
+        arrays: dict[str, Array] = {k: x for k, x in values.items() if k != "coulomb_speed"}
         arrays |= {"reference": reference, "state": self._state, "log": self.log}
         if noise is not None:
             arrays["noise"] = noise

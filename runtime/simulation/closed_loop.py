@@ -134,15 +134,9 @@ def follow(
     """The plant under its controller: (M + J) ddq + h + f = τ, τ held for a period."""
     require_no_springs(lib)
     period = 1.0 / rate_hz
-    loop = CompiledClosedLoop(
-        lib.binding,
-        _body(lib, plant),
-        _law(lib, plant, controller),
-        reference,
-        period,
-        substeps=int(np.ceil(period / LONGEST_SUBSTEP * (1 - 1e-9))),
-        noise=noise,
-    )
+    steps = int(np.ceil(period / LONGEST_SUBSTEP * (1 - 1e-9)))
+    parts = _body(lib, plant), _law(lib, plant, controller), reference, period
+    loop = CompiledClosedLoop(lib.binding, *parts, substeps=steps, noise=noise)
     for chunk in count(1):
         loop.run(_CHUNK)
         if loop.status or chunk * _CHUNK >= len(reference):
@@ -150,11 +144,9 @@ def follow(
         if progress is not None:
             progress(loop.done / len(reference))
     if loop.status:
-        why = (
-            "its mass matrix is not positive definite, so no such robot exists"
-            if loop.status == NOT_POSITIVE
-            else "the motion diverged"
-        )
+        why = "the motion diverged"
+        if loop.status == NOT_POSITIVE:
+            why = "its mass matrix is not positive definite, so no such robot exists"
         raise SimulationError(
             f"the simulated robot stopped after {loop.done * period:.3f} s: {why}; the plant is "
             "too far from the controller's model: lower the perturbation, or raise the rate"

@@ -203,11 +203,9 @@ def record(
     jitter = settings.sensors.position_noise * noise[0].normal(size=reference[0].shape)
     simulator = _Simulator(lib, held, model, settings)
     measured, motion, saturated = simulator.run(reference, jitter, progress)
+    tau = measured_torque(motion.link, settings.sensors, sensors, noise[1])
     recording = Recording(
-        t,
-        *measured,
-        None,
-        measured_torque(motion.link, settings.sensors, sensors, noise[1]),
+        *(t, *measured, None, tau),
         name="virtual",
         joint_names=lib.joint_names,
         history=(f"Recorded {len(t)} samples at {settings.rate_hz:g} Hz of a virtual robot.",),

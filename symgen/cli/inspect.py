@@ -24,7 +24,7 @@ class InspectSettings(Choices):
     options = "as_json strict repair overwrite robot_model"
     model: Path = argument_field(help="URDF, xacro, MJCF, SDF or TOML of DH rows.")
     as_json: bool = output_field(False, "--json", help="Print JSON.")
-    strict: bool = output_field(False, "--strict", help="Exit code 1 for warnings too.")
+    strict: bool = output_field(False, help="Exit code 1 for warnings too.")
     repair: Path | None = method_field(
         help="Write a physically consistent URDF with the same joint torques to this file."
     )

@@ -70,13 +70,10 @@ class BuildSettings(Choices):
         "multiple; 1e-4 for a URDF that rounds its angles.",
     )
     project: bool = method_field(
-        False,
-        "--project",
-        help="Replace physically inconsistent inertias by the nearest consistent ones.",
+        False, help="Replace physically inconsistent inertias by the nearest consistent ones."
     )
     floating: bool = model_field(
         False,
-        "--floating",
         help="Free the base link: kernels take its pose, velocity and acceleration and have "
         "six rows for it before those of the joints. Gravity is in the world's frame.",
     )
@@ -104,9 +101,7 @@ class BuildSettings(Choices):
         "when the library is loaded."
     )
     all_levels: bool = method_field(
-        False,
-        "--all-levels",
-        help="Compile every level of this machine, for a library that others will load.",
+        False, help="Compile every level of this machine, for a library that others will load."
     )
     kernels: str | None = output_field(
         metavar="A,B,…",
@@ -118,16 +113,13 @@ class BuildSettings(Choices):
     )
     casadi: bool = output_field(
         False,
-        "--casadi",
         help="Write NAME.casadi (serialised functions of CasADi) and NAME_casadi.c (the same "
         "with CasADi's ABI and Jacobians) too.",
     )
     watch_size: bool = method_field(
-        False,
-        "--watch-size",
-        help="Print operations, CPU time and memory to expect before the compilation starts.",
+        False, help="Print operations, CPU time and memory to expect before the compilation starts."
     )
-    force: bool = method_field(False, "--force", help="Rebuild even if the folder is up to date.")
+    force: bool = method_field(False, help="Rebuild even if the folder is up to date.")
     out: common.RootOption = DEFAULT_ROOT
     overwrite: common.OverwriteOption = False
 

@@ -83,7 +83,9 @@ class RosDriver(Driver):
                 f"the controller did not answer within {WAIT_S:g} s; check that it is active"
             )
         if not handle.accepted:
-            raise NoSampleError("the controller refused the motion; check its joints, limits, state")
+            raise NoSampleError(
+                "the controller refused the motion; check its joints, limits and state"
+            )
         self._goal = handle
         self._inbox.clear()
         self._started = self._newest = self._next(WAIT_S).t

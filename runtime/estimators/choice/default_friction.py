@@ -334,11 +334,8 @@ def trial_on(done: Recording, lib: Library, robust: bool) -> FrictionTrial:
     stats = [compress(lib, block, weights) for block in blocks]
     samples_per_independent = inflation(np.concatenate(rests), weights)
     prior = _prior(lib, stats[0], whole.rows(taken), samples_per_independent)
-    others = [
-        column_solver(rest[0].merged(*rest[1:], prior))
-        for k in range(len(stats))
-        if (rest := [s for i, s in enumerate(stats) if i != k])
-    ]
+    without = [[s for s in stats if s is not block] for block in stats]
+    others = [column_solver(rest[0].merged(*rest[1:], prior)) for rest in without]
     return FrictionTrial(tuple(stats), tuple(others), lib.n_joints)
 
 

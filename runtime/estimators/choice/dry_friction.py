@@ -72,12 +72,8 @@ def _trial(whole: Recording, lib: Library, terms: Friction, late: bool) -> _Tria
     if not moving.any():
         return None
     model, torques = samples.rigid(lib, lib.pi0), whole.required("tau").T
-    rest = np.array(
-        [
-            np.stack([np.interp(t[rows] + d, t, row) for row in torques], axis=1) - model
-            for d in delays
-        ]
-    )
+    shifted = np.array([[np.interp(t[rows] + d, t, row) for row in torques] for d in delays])
+    rest = shifted.swapaxes(1, 2) - model
     return _Trial(samples.columns[:, moving], rest[:, :, moving], count, place)
 
 

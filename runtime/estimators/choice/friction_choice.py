@@ -225,11 +225,8 @@ def _chosen(trials: list[tuple[str, Friction, Array, float, int]]) -> FrictionCh
     least = float(best.mean())
     chosen = next(r for r in candidates if r.excess <= max(r.excess_error, LEAST_GAIN * least))
     top = min(candidates, key=lambda r: r.score)
-    reason = (
-        "which also predicts best"
-        if chosen is top
-        else f"the simplest that predicts as well as '{top.name}' within one standard error"
-    )
+    reason = f"the simplest that predicts as well as '{top.name}' within one standard error"
+    reason = "which also predicts best" if chosen is top else reason
     sentence = (
         f"friction model '{chosen.name}' ({chosen.terms}) chosen by cross-validation on "
         f"{BLOCKS} blocks of the training part, {reason}"

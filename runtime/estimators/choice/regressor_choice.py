@@ -123,14 +123,13 @@ def _chosen(errors: dict[_Key, Array], white: dict[_Key, float], base: Preparati
         f"has the largest share of independent rows ({100 * chosen.white:.0f} %)"
         f"{aside * (chosen.derivative != base.derivative)}"
     )
-    ready = replace(
-        base,
-        filter="butterworth",
-        cutoff_hz=chosen.cutoff_hz,
-        derivative=chosen.derivative,
-        trim_s=base.trim_s or 1.0 / chosen.cutoff_hz,
-    )
+    trimmed = replace(base, trim_s=base.trim_s or 1.0 / chosen.cutoff_hz)
+    ready = _low_passed(trimmed, chosen.cutoff_hz, chosen.derivative)
     return CutoffChoice(tuple(candidates), chosen, ready, sentence)
+
+
+def _low_passed(steps: Preparation, cutoff_hz: float, derivative: str) -> Preparation:
+    return replace(steps, filter="butterworth", cutoff_hz=cutoff_hz, derivative=derivative)
 
 
 def _best(errors: dict[_Key, Array]) -> _Key:
@@ -196,10 +195,8 @@ class _Trials:
         rests = [block.tau - friction_choice.predicted(self._lib, block, x) for block in blocks]
         weights = friction_choice.inverse_of(np.concatenate(rests).var(axis=0))
         stats = [compress(self._lib, block, weights) for block in blocks]
-        left_out = tuple(
-            friction_choice.solved([s for i, s in enumerate(stats) if i != k])[0]
-            for k in range(len(blocks))
-        )
+        without = [[s for s in stats if s is not block] for block in stats]
+        left_out = tuple(friction_choice.solved(rest)[0] for rest in without)
         noise = coloured_noise_of(self._lib, blocks, stats[0].merged(*stats[1:]), weights)
         white = min(1.0, max(1.0, needed / step) / noise.inflation)
         return _Fit(left_out, self._errors_of(whole, left_out), white)
@@ -218,23 +215,14 @@ class _Trials:
     def _errors_of(self, blocks: list[Samples], estimates: tuple[Array, ...]) -> Array:
         """Mean of (τ − τ̂)² per block and joint, with the logged τ."""
         pairs = zip(blocks, estimates, self._blocks, strict=True)
-        return np.array(
-            [
-                np.mean((self._tau[rows] - friction_choice.predicted(self._lib, b, x)) ** 2, axis=0)
-                for b, x, rows in pairs
-            ]
-        )
+        predicted = friction_choice.predicted
+        rests = [self._tau[rows] - predicted(self._lib, b, x) for b, x, rows in pairs]
+        return np.array([np.mean(rest**2, axis=0) for rest in rests])
 
     def _prepared(self, cutoff_hz: float, derivative: str) -> Recording:
-        filtered = replace(
-            self._base,
-            filter="butterworth",
-            cutoff_hz=cutoff_hz,
-            derivative=derivative,
-            trim_s=self._trim,
-            rest_speed=None,
-        )
-        return prepare(self._recording, filtered, self._terms, lib=self._lib)
+        whole = replace(self._base, trim_s=self._trim, rest_speed=None)
+        steps = _low_passed(whole, cutoff_hz, derivative)
+        return prepare(self._recording, steps, self._terms, lib=self._lib)
 
 
 NOISY, BENT = 0.01, 0.005

@@ -153,19 +153,13 @@ def fit_of_pi(problem: Problem, pi: Array, phi: Array, status: str, **facts: Any
 
 def fit_wls(problem: Problem) -> Fit:
     """Identify base parameters and friction with weights from the residuals."""
-    _, weights, silent = reweighted(
-        problem.lib,
-        partial(problem.samples, "train"),
-        problem.friction_names,
-        problem.left_out,
-        PASSES - 1,
-        problem.train,
-    )
+    lib, pieces, names = problem.lib, partial(problem.samples, "train"), problem.friction_names
+    _, weights, _ = reweighted(lib, pieces, names, problem.left_out, PASSES - 1, problem.train)
     solution, bound = bounded(problem, problem.statistics(weights))
-    rests = (residual(problem.lib, piece, solution) for piece in problem.samples("train"))
-    weights, silent = weights_of(variance_of(rests), problem.lib)
+    rests = (residual(lib, piece, solution) for piece in pieces())
+    weights, silent = weights_of(variance_of(rests), lib)
     sigma = ", ".join(f"{1 / np.sqrt(w):.3g}" for w in weights)
-    each = "joint" if len(weights) == problem.lib.n_joints else "equation"
+    each = "joint" if len(weights) == lib.n_joints else "equation"
     notes = [f"standard deviations of the residuals, {each} by {each}: {sigma}"]
     if silent:
         notes.append(

@@ -135,11 +135,9 @@ def _contradiction(constraints: Constraints, multipliers: Array) -> None:
     shares = multipliers[: len(rows)]
     guilty = shares > 1e-3 * max(float(shares.max()), 1e-300)
     names = list(dict.fromkeys(r.name for r, g in zip(rows, guilty, strict=True) if g))
-    what = (
-        f"the priors on {' and '.join(names)} contradict each other"
-        if len(names) > 1
-        else f"the prior on {names[0]} cannot hold"
-    )
+    what = f"the prior on {names[0]} cannot hold"
+    if len(names) > 1:
+        what = f"the priors on {' and '.join(names)} contradict each other"
     raise IdentificationError(
         f"{what}: no physically consistent bodies satisfy them; correct or remove one of them"
     )

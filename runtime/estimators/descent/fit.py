@@ -133,13 +133,10 @@ def _adam_problem(descent: Descent, batch: int | None) -> AdamProblem:
         s = problem.train
         columns = (s.columns * unit).reshape(len(s), -1)
         samples = np.hstack([s.q, s.dq, s.ddq, s.tau, columns])
-    return AdamProblem(
-        descent.x0,
-        least_squares(descent.statistics, unit),
-        least_squares(descent.validation, unit),
-        samples,
-        problem.weights,
+    training, held = (
+        least_squares(each, unit) for each in (descent.statistics, descent.validation)
     )
+    return AdamProblem(descent.x0, training, held, samples, problem.weights)
 
 
 def _ended(jobs: CompiledAdam) -> bool:
@@ -150,11 +147,8 @@ def _adam_outcome(jobs: CompiledAdam, k: int, rule: StoppingRule, interrupted: b
     job = jobs[k]
     status = Status.INTERRUPTED if interrupted else STATUS[job.finished]
     validated = np.arange(1, job.traced + 1) * rule.validate_every
-    trace = Trace(
-        tuple(validated.tolist()),
-        tuple(jobs.training_trace[k, : job.traced].tolist()),
-        tuple(jobs.held_trace[k, : job.traced].tolist()),
-    )
+    losses = (each[k, : job.traced] for each in (jobs.training_trace, jobs.held_trace))
+    trace = Trace(*(tuple(each.tolist()) for each in (validated, *losses)))
     return Outcome(jobs.best_x(k), float(job.best), int(job.step), status, trace)
 
 

@@ -121,15 +121,8 @@ class ClosedLoop:
         def at(values: Array) -> Array:
             return np.stack([np.interp(since, clock, column) for column in values.T], axis=1)
 
-        return Recording(
-            t,
-            at(motion.q),
-            at(motion.dq),
-            at(motion.ddq),
-            at(motion.link),
-            name="simulated",
-            joint_names=lib.joint_names,
-        )
+        q, dq, ddq, tau = map(at, (motion.q, motion.dq, motion.ddq, motion.link))
+        return Recording(t, q, dq, ddq, tau, name="simulated", joint_names=lib.joint_names)
 
 
 def read_controller(path: Path, lib: Library) -> ClosedLoop:
@@ -146,13 +139,9 @@ def read_controller(path: Path, lib: Library) -> ClosedLoop:
         per_joint(lib.n_joints, getattr(gains, key), f"{key} in '{path}'")
         for key in ("stiffness", "damping", "rotor")
     )
-    return ClosedLoop(
-        read_trajectory(path.parent / motion, lib),
-        Controller(stiffness=stiffness, damping=damping),
-        rotor,
-        gains.rate_hz,
-        reference.start,
-    )
+    law = Controller(stiffness=stiffness, damping=damping)
+    followed = read_trajectory(path.parent / motion, lib)
+    return ClosedLoop(followed, law, rotor, gains.rate_hz, reference.start)
 
 
 def fit_iv(problem: Problem, log: Origin | None = None) -> Fit:
@@ -237,10 +226,8 @@ def _along(problem: Problem, now: Solution, log: Origin, controller: ClosedLoop)
     """Training samples of the simulated robot with the parameters of the last estimate."""
     names = log.friction.columns
     # Negative friction drives the joints; the next estimate is free to have it again.
-    friction = {
-        name: np.maximum(value, 0.0) if COLUMNS[name].is_passive else value
-        for name, value in zip(names, now.phi.T, strict=True)
-    }
+    friction = dict(zip(names, now.phi.T, strict=True))
+    friction |= {n: np.maximum(x, 0.0) for n, x in friction.items() if COLUMNS[n].is_passive}
     speed = {"coulomb_speed": log.friction.coulomb_speed} if COULOMB.name in names else {}
     pi = pi_of_beta(problem, now.beta)
     motion = controller.simulate(problem.lib, pi, friction | speed, log.recording.t)

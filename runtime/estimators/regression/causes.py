@@ -193,17 +193,14 @@ def causes_of(lib: Library, fit: model_error.FreeFit, pi: Array) -> Causes:
         of_cause = posterior_of(by_cause[:, chosen], along)
         explained = float(np.sum((by_cause[:, chosen] @ of_cause.mean) ** 2))
         made = parts[k][..., seen[groups == k]] @ of_cause.mean / fit.scale
-        share = float(np.linalg.norm(made) / whole)
-        size, vector = float(of_cause.mean[0]), np.zeros(3)
+        share, vector = float(np.linalg.norm(made) / whole), np.zeros(3)
+        size = float(of_cause.mean[0])
         sigma = float(np.nan_to_num(of_cause.sigma, nan=np.inf).max())
         if kind == TILT:
-            vector, strength = (
-                across[:, seen[groups == k]] @ of_cause.mean,
-                float(np.linalg.norm(lib.gravity)),
-            )
-            size, sigma = float(np.linalg.norm(vector)) / strength, sigma / strength
-        is_measured = kind != DELAY
-        known = size, sigma, share, explained, threshold, vector, is_measured
+            vector = across[:, seen[groups == k]] @ of_cause.mean
+            both = np.array([np.linalg.norm(vector), sigma]) / np.linalg.norm(lib.gravity)
+            size, sigma = map(float, both)
+        known = size, sigma, share, explained, threshold, vector, kind != DELAY
         ranked.append(Cause(kind, joint, *known))
     return Causes(_ranked(ranked))
 

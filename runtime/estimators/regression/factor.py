@@ -119,14 +119,9 @@ class Statistics:
 
     def repeated(self, times: float) -> "Statistics":
         """Statistics in which every sample counts `times` times."""
-        root = np.sqrt(times)
-        return replace(
-            self,
-            factor=self.factor * root,
-            target=self.target * root,
-            rest=self.rest * times,
-            n_samples=self.n_samples * times,
-        )
+        factor, target = self.factor * np.sqrt(times), self.target * np.sqrt(times)
+        rest, count = self.rest * times, self.n_samples * times
+        return replace(self, factor=factor, target=target, rest=rest, n_samples=count)
 
     def triangle(self) -> Array:
         """Upper triangle over [φ; β; τ], (p + 1, p + 1)."""
@@ -425,11 +420,6 @@ def reduce(statistics: Statistics, joints: int) -> tuple[Reduced, Elimination]:
         over_pi, target = q.T @ over_pi, q.T @ target
     kept = Elimination(upper[:rank, :rank], over_pi[:rank], target[:rank], order, lengths)
     freedom = statistics.n_samples * joints - n_base - rank
-    left = Reduced(
-        np.ascontiguousarray(over_pi[rank:]),
-        np.ascontiguousarray(target[rank:]),
-        statistics.rest,
-        statistics.n_samples,
-        max(freedom, 1.0),
-    )
+    rows, aim = (np.ascontiguousarray(each[rank:]) for each in (over_pi, target))
+    left = Reduced(rows, aim, statistics.rest, statistics.n_samples, max(freedom, 1.0))
     return left, kept

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from runtime.common.files import write_text
 from runtime.experiments.report.drawing import paths_of, write_pictures
-from runtime.experiments.report.labels import short_hash, tables
+from runtime.experiments.report.labels import tables
 from runtime.experiments.report.page import caption, experiments_page, headline, write_readme
 from runtime.experiments.report.reading import Experiment, is_experiments, read_experiments
 from runtime.outputs.report import ReportKind
@@ -48,10 +48,8 @@ def all_tables(experiments: tuple[Experiment, ...]) -> str:
             if shown:
                 parts.append(f"### {caption(view)}: {view.title} [^{experiment.name}]")
                 parts += shown
-    parts += [
-        f"[^{e.name}]: {e.name}/result.json, config {short_hash(e)}, {e.trials} trials"
-        for e in experiments
-    ]
+    for e in experiments:
+        parts.append(f"[^{e.name}]: {e.name}/result.json, config {e.short_hash}, {e.trials} trials")
     return "\n\n".join(parts) + "\n"
 
 

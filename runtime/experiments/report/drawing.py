@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from markupsafe import Markup
 
-from runtime.experiments.report.labels import DOCUMENT, case_name, cases_of, curve_name, method_name
+from runtime.experiments.report.labels import DOCUMENT, case_name, curve_name, method_name
 from runtime.experiments.report.reading import Experiment, MetricKey, Value
 from runtime.experiments.study import View
 from runtime.library import Array
@@ -41,11 +41,8 @@ def paths_of(
     experiments: tuple[Experiment, ...], folder: Path
 ) -> tuple[tuple[Experiment, View, Path], ...]:
     """Figures of the studies with their files."""
-    return tuple(
-        (experiment, view, folder / f"{view.id}.png")
-        for experiment in experiments
-        for view in filter(has_figure, experiment.views)
-    )
+    both = ((each, view) for each in experiments for view in filter(has_figure, each.views))
+    return tuple((each, view, folder / f"{view.id}.png") for each, view in both)
 
 
 LINES = (  # colours and line styles, distinguishable with any colour vision and in print
@@ -68,7 +65,7 @@ def height(experiment: Experiment, view: View) -> float:
     """Height of a figure of the page width."""
     if view.kind == "lines" and _is_per_joint(experiment, view):
         return 5.0
-    per_case = 2.8 * len(cases_of(experiment, view))
+    per_case = 2.8 * len(experiment.cases_of(view))
     return {"path": 5.0, "motion": 5.2, "bars": per_case}.get(view.kind, 3.4)
 
 
@@ -191,7 +188,7 @@ def _loglog(figure: "Figure", experiment: Experiment, view: View) -> None:
 
 def _bars(figure: "Figure", experiment: Experiment, view: View) -> None:
     """Draw one panel per case, a group of bars per metric, a bar per method and source."""
-    cases = cases_of(experiment, view)
+    cases = experiment.cases_of(view)
     document = experiment.document.get(view.document, {})
     axes = figure.subplots(len(cases), 1, squeeze=False).ravel()
     # More methods than colours: the next ones have the same colours, cross-hatched.

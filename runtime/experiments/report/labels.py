@@ -22,11 +22,6 @@ _VARIANTS = {  # methods of studies that are variants of an estimator
     "map-dahl": "MAP + Dahl",
     "fixed-arm": "payload alone",
 }
-BEST = ("map-friction", "map", "lm")
-"""Method of this package that is compared with the document: the first one that a study has.
-
-Without noise it is lm, which starts from MAP.
-"""
 _OURS = {"search", "check", "pi", "lam", "beta"}  # computed numbers, not estimators
 _METRICS = {
     "airm": "AIRM",
@@ -125,16 +120,6 @@ def _share(value: float) -> str:
     return f"{100 * value:.3g}\N{NO-BREAK SPACE}%"
 
 
-def short_hash(experiment: Experiment) -> str:
-    """First 12 digits of the config hash."""
-    return experiment.config_hash[:12]
-
-
-def best_method(experiment: Experiment) -> str:
-    """First of `BEST` that a study has; "" where it has none."""
-    return next((name for name in BEST if name in experiment.methods), "")
-
-
 MANY = 7  # largest number of methods in columns; more methods become rows
 Column = tuple[str, str, bool]  # case, method, and whether the number is printed in the document
 
@@ -168,10 +153,7 @@ def _table(columns: list[Column], rows: list[tuple[str, ...]]) -> Table:
         groups=tuple(groups) if len(cases) > 1 else (),
         column_methods=(
             "",
-            *(
-                DOCUMENT if is_document else method_name(method)
-                for _, method, is_document in columns
-            ),
+            *(DOCUMENT if printed else method_name(m) for _, m, printed in columns),
         ),
     )
 
@@ -195,12 +177,8 @@ def _families(experiment: Experiment, view: View) -> list[list[str]]:
     """Groups of methods that share metrics, in their order."""
     families: list[tuple[list[str], set[str]]] = []
     for method in experiment.methods:
-        metrics = {
-            metric
-            for case in cases_of(experiment, view)
-            for metric in view.metrics
-            if (case, method, metric) in experiment.values
-        }
+        keys = ((case, method, m) for case in experiment.cases_of(view) for m in view.metrics)
+        metrics = {key[2] for key in keys if key in experiment.values}
         near = next((f for f in families if f[1] & metrics), None)
         if near is not None:
             near[0].append(method)
@@ -212,7 +190,7 @@ def _families(experiment: Experiment, view: View) -> list[list[str]]:
 
 def _columns(experiment: Experiment, view: View, methods: list[str]) -> Iterator[Column]:
     document = experiment.document.get(view.document, {})
-    for case in cases_of(experiment, view):
+    for case in experiment.cases_of(view):
         for method in methods:
             for is_document, known in ((True, document), (False, experiment.values)):
                 if any((case, method, metric) in known for metric in view.metrics):
@@ -225,8 +203,3 @@ def _cell(experiment: Experiment, view: View, column: Column, metric: str) -> st
     if is_document:
         return printed(experiment.document[view.document].get(key), metric)
     return measured(experiment.values.get(key), metric, view.spread)
-
-
-def cases_of(experiment: Experiment, view: View) -> tuple[str, ...]:
-    """Cases of a view; all cases where it names none."""
-    return view.cases or tuple(experiment.cases)

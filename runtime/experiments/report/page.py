@@ -8,6 +8,7 @@ import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -83,9 +84,7 @@ def _table(experiments: tuple[Experiment, ...]) -> list[str]:
                 if cells and (experiment.name, case, cells[0]) not in shown:
                     shown.add((experiment.name, case, cells[0]))
                     head = f"{caption(view)} | {labels.case_name(case)}"
-                    lines.append(
-                        f"| {head} | {' | '.join(cells)} | `{labels.short_hash(experiment)}` |"
-                    )
+                    lines.append(f"| {head} | {' | '.join(cells)} | `{experiment.short_hash}` |")
     return lines
 
 
@@ -94,7 +93,7 @@ def _airm(experiment: Experiment, view: View, case: str) -> tuple[str, ...] | No
     ours = experiment.values.get((case, "adam", labels.AIRM))
     if document is None or ours is None:
         return None
-    best = experiment.values.get((case, labels.best_method(experiment), labels.AIRM))
+    best = experiment.best(case, labels.AIRM)
     shown = (labels.measured(value, labels.AIRM, view.spread) for value in (ours, best))
     return f"AIRM{_over(view)}", labels.printed(document, labels.AIRM), *shown
 
@@ -109,7 +108,7 @@ def _torque(experiment: Experiment, view: View, case: str) -> tuple[str, ...] | 
     document = experiment.document.get(view.document, {})
     names = [m for m in view.metrics if (case, "adam", m) in document]
     names = [m for m in names if m.startswith("tau_error_")]
-    best = labels.best_method(experiment)
+    best = experiment.best_method
     if not names or any((case, "adam", m) not in experiment.values for m in names):
         return None
     head = "torque error, mean of joints %"
@@ -187,22 +186,16 @@ def _airms(experiments: tuple[Experiment, ...]) -> Iterator[tuple[float, float, 
             for (case, method, metric), value in document.items():
                 ours = experiment.values.get((case, method, metric))
                 if metric == labels.AIRM and ours is not None:
-                    best = experiment.values.get(
-                        (case, labels.best_method(experiment), labels.AIRM)
-                    )
+                    best = experiment.best(case, labels.AIRM)
                     yield value.mean, ours.mean, None if best is None else best.mean
 
 
 def _warnings(experiments: tuple[Experiment, ...]) -> Iterator[str]:
-    few = [
-        f"{e.name} ({e.trials})"
-        for e in experiments
-        if e.trials < DOCUMENT_TRIALS and _is_monte_carlo(e)
-    ]
+    few = [e for e in experiments if e.trials < DOCUMENT_TRIALS and _is_monte_carlo(e)]
     if few:
         yield (
             f"fewer trials than the {DOCUMENT_TRIALS} of the document, so that means are less "
-            f"certain: {', '.join(few)}"
+            f"certain: {', '.join(f'{e.name} ({e.trials})' for e in few)}"
         )
     there = {view.id for experiment in experiments for view in experiment.views}
     missing = [name for name in WANTED if name not in there]
@@ -223,12 +216,11 @@ def _tiles(experiments: tuple[Experiment, ...]) -> tuple[Tile, ...]:
     views = [view for experiment in experiments for view in experiment.views]
     figures = sum(map(has_figure, views))
     trials = sum(e.trials * len(e.cases) for e in experiments if _is_monte_carlo(e))
-    consistent = [
-        value.mean
-        for e in experiments
-        for (_, method, metric), value in e.values.items()
-        if metric == "consistent" and method in {"adam", labels.best_method(e)}
-    ]
+    consistent = []
+    for e in experiments:
+        for (_, method, metric), value in e.values.items():
+            if metric == "consistent" and method in {"adam", e.best_method}:
+                consistent.append(value.mean)
     share = f"{100 * min(consistent):.4g}\N{NO-BREAK SPACE}%" if consistent else "–"
     tone = "plain" if not consistent else "good" if min(consistent) == 1 else "bad"
     return (
@@ -240,10 +232,7 @@ def _tiles(experiments: tuple[Experiment, ...]) -> tuple[Tile, ...]:
 
 
 def _sections(experiment: Experiment) -> Iterator[Section]:
-    source = (
-        f"study-{experiment.name}",
-        f"from {experiment.name}, config {labels.short_hash(experiment)}",
-    )
+    source = f"from {experiment.name}, config {experiment.short_hash}"
     for view in experiment.views:
         document = experiment.source.get(view.document, "")
         lead = f"{view.title}. {_cases(experiment, view)}".strip()
@@ -251,16 +240,12 @@ def _sections(experiment: Experiment) -> Iterator[Section]:
         figure = inline(experiment, view) if has_figure(view) else ""
         title = caption(view)
         note = f" · document: {document}" if document and document not in title else ""
-        link = ((source[0], f"{source[1]}{note}"),)
-        for number, table in enumerate(shown or [None]):
-            yield Section(
-                title if not number else f"{title}, continued",
-                "" if number else lead,
-                table,
-                figure if not number else "",
-                group=experiment.title,
-                sources=link,
-            )
+        sources = ((f"study-{experiment.name}", f"{source}{note}"),)
+        known: dict[str, Any] = {"group": experiment.title, "sources": sources}
+        first, *further = shown or (None,)
+        yield Section(title, lead, first, figure, **known)
+        for table in further:
+            yield Section(f"{title}, continued", "", table, **known)
 
 
 def caption(view: View) -> str:

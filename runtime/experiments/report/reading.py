@@ -32,10 +32,8 @@ def is_drawable(kind: str, series: Sequence[Array], names: Sequence[str]) -> boo
     """Whether series have the shapes that a kind of figure needs."""
     shapes = [values.shape for values in series]
     sizes = [np.abs(values[np.isfinite(values)]).max(initial=0.0) for values in series]
-    if (
-        any(not shape or shape[0] < 1 for shape in shapes)
-        or max(sizes, default=0.0) > LARGEST_DRAWN
-    ):
+    is_empty = any(not shape or shape[0] < 1 for shape in shapes)
+    if is_empty or max(sizes, default=0.0) > LARGEST_DRAWN:
         return False
     if kind in _LINES:
         return len(series) == _LINES[kind] and set(shapes) == {(shapes[0][0],)}
@@ -69,6 +67,11 @@ WANTED = (  # Tables and figures of the document, by id
     *(f"fig-5.{k}" for k in (1, 2, 3, 4, 5, 7, 8)),
     *("fig-A.1", "fig-A.2", "fig-A.3", "fig-A.4", "tables-B"),
 )
+BEST = ("map-friction", "map", "lm")
+"""Method of this package that is compared with the document: the first one that a study has.
+
+Without noise it is lm, which starts from MAP.
+"""
 _AGAIN = "run again: python -m runtime reproduce"
 
 
@@ -104,6 +107,24 @@ class Experiment:
     source: Mapping[str, str]  # their table or figure in the document, by id
     facts: Mapping[str, Any]
     provenance: tuple[tuple[str, str], ...]  # (quantity, value) pairs
+
+    @property
+    def short_hash(self) -> str:
+        """First 12 digits of the config hash."""
+        return self.config_hash[:12]
+
+    @property
+    def best_method(self) -> str:
+        """First of `BEST` that the study has; "" where it has none."""
+        return next((name for name in BEST if name in self.methods), "")
+
+    def best(self, case: str, metric: str) -> Value | None:
+        """Number of the best method."""
+        return self.values.get((case, self.best_method, metric))
+
+    def cases_of(self, view: View) -> tuple[str, ...]:
+        """Cases of a view; all cases where it names none."""
+        return view.cases or tuple(self.cases)
 
 
 def is_experiments(folder: Path) -> bool:
@@ -190,10 +211,8 @@ def _key(entry: Mapping[str, Any]) -> MetricKey:
 def _agrees(stated: Mapping[str, Any], computed: Mapping[str, Any]) -> bool:
     """Whether an entry of a summary, of older files without quartiles, is the computed one."""
     quartiles = stated.get("quartiles") or computed["quartiles"]
-    pairs = [
-        (stated["mean"], computed["mean"]),
-        *zip(quartiles, computed["quartiles"], strict=True),
-    ]
+    pairs = list(zip(quartiles, computed["quartiles"], strict=True))
+    pairs.append((stated["mean"], computed["mean"]))
     has_std = computed["std"] is not None
     if has_std and stated["std"] is not None:
         pairs.append((stated["std"], computed["std"]))

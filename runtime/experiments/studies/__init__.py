@@ -8,20 +8,10 @@ from runtime.experiments.studies import appendix, bench, excitation, logs, metho
 from runtime.experiments.studies.monte_carlo import IDEAL, NOISE, OVER_DESIGNS, SINES
 from runtime.experiments.study import Study
 
+_MONTE_CARLO = (IDEAL, OVER_DESIGNS, SINES, NOISE)
+_LOGS = (each.STUDY for each in (logs, bench, methods, appendix))
 STUDIES: dict[str, Study] = {
-    study.name: study
-    for study in (
-        excitation.STUDY,
-        model.STUDY,
-        IDEAL,
-        OVER_DESIGNS,
-        SINES,
-        NOISE,
-        logs.STUDY,
-        bench.STUDY,
-        methods.STUDY,
-        appendix.STUDY,
-    )
+    study.name: study for study in (excitation.STUDY, model.STUDY, *_MONTE_CARLO, *_LOGS)
 }
 IDS: dict[str, Study] = {view.id: study for study in STUDIES.values() for view in study.views}
 

@@ -53,11 +53,8 @@ def _run(setup: ExcitationSetup, numbers: range, threads: int) -> list[Row]:
     for number in numbers:
         before = search.value(search.guess(number))
         after, a = search.start(number)
-        rows.append(
-            {"case": "start", "method": "search", "trial": number}
-            | _costs(before, after)
-            | {"curve": a.ravel().tolist()}
-        )
+        rows.append({"case": "start", "method": "search", "trial": number})
+        rows[-1] |= _costs(before, after) | {"curve": a.ravel().tolist()}
     return rows
 
 

@@ -57,19 +57,10 @@ def _prepare(lib: Library, config: MethodsConfig, needed: Arrays) -> MethodsSetu
     pi = document_robot(lib)
     lam = lib.lam_from_pi(pi)
     cad = lam * (1 + config.cad * stream(config.seed, 0, CAD).normal(size=lam.size))
-    clean = Plant(
-        pi,
-        viscous=config.viscous,
-        coulomb=config.coulomb,
-        coulomb_speed=config.friction.coulomb_speed,
-        rotor=config.rotor,
-    )
-    noisy = replace(
-        clean,
-        position_noise=config.sigma_q,
-        velocity_noise=2 * np.pi * config.speed_hz * config.sigma_q,
-        torque_noise=config.sigma_tau,
-    )
+    clean = Plant(pi, viscous=config.viscous, coulomb=config.coulomb, rotor=config.rotor)
+    clean = replace(clean, coulomb_speed=config.friction.coulomb_speed)
+    noisy = replace(clean, position_noise=config.sigma_q, torque_noise=config.sigma_tau)
+    noisy = replace(noisy, velocity_noise=2 * np.pi * config.speed_hz * config.sigma_q)
     law = Controller(pi=lib.pi_from_lam(cad), feels_noise=True)
     designs = designed(lib, needed)
 

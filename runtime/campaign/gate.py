@@ -205,9 +205,8 @@ def rehearsed(
         late = float(np.median(model.gear.delay))
         sentences += [f"torques are stamped {1e3 * late:.1f} ms late"] if late > LATE else []
         states = small.at(lib, sample_times(small.duration, 50.0))[:3]
-        error = _relative(
-            *(lib.inverse_dynamics(*states, p) for p in (log.truth.pi, model.result.pi))
-        )
+        bodies = log.truth.pi, model.result.pi
+        error = _relative(*(lib.inverse_dynamics(*states, pi) for pi in bodies))
     except RuntimeFault as fault:  # a log that a step refuses is named by its message
         sentences.append(str(fault))
     return RehearsalVerdict(kind, joint, tuple(sentences), float(error))

@@ -192,9 +192,7 @@ AnyResult = Identification | walks_result.FreeBaseIdentification
 LEFT_OUT = "Leave one log out: torque error of each log"
 STATISTICS = "statistics.npz"
 
-UNFINISHED = frozenset(
-    end.value for end in (Status.INTERRUPTED, Status.MAX_ITERATIONS, Status.DIVERGED)
-)
+UNFINISHED = {end.value for end in (Status.INTERRUPTED, Status.MAX_ITERATIONS, Status.DIVERGED)}
 
 
 def finish(result: AnyResult, folder: Path, given: IdentifySettings, inspect: str) -> None:

@@ -1,6 +1,6 @@
 """`symgen predict`."""
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -304,11 +304,7 @@ def facts_of_steps(steps: tuple[accuracy.GainOfRecording, ...]) -> dict[str, obj
     """Gains of recording on as JSON-ready values; none without them."""
     if not steps:
         return {}
-    more = [
-        {"seconds": step.seconds, "motion": step.motion, "gains": dict(step.gains)}
-        for step in steps
-    ]
-    return {"more": more, "verdict": accuracy.verdict(steps)}
+    return {"more": [asdict(step) for step in steps], "verdict": accuracy.verdict(steps)}
 
 
 def _show_steps(steps: tuple[accuracy.GainOfRecording, ...]) -> None:

@@ -84,14 +84,10 @@ def _limit(limits: Mapping[str, Any]) -> None:
     if resource is None:
         return
     seconds, memory, file = limits["seconds"], limits["memory"], limits["file"]
-    most = {
-        "CPU": (seconds, seconds + 5),
-        "AS": (memory,) * 2,
-        "FSIZE": (file,) * 2,
-        "CORE": (0, 0),
-    }
-    for name, ends in most.items():
+    hard = {"CPU": seconds + 5, "AS": memory, "FSIZE": file, "CORE": 0}
+    for name, most in hard.items():
         try:
+            ends = (seconds, most) if name == "CPU" else (most, most)
             resource.setrlimit(getattr(resource, f"RLIMIT_{name}"), ends)
         except (ValueError, OSError):  # a lower limit is in force, or the system has none
             continue

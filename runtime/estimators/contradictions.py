@@ -334,9 +334,8 @@ def _of_limits(lib: Library, causes: Causes) -> tuple[str, ...]:
         )
     turns = [unit != "N" for unit in torque_units(lib.manifest)]
     zeros = [*zip(lib.joint_names, causes.limits(ZERO), turns, strict=False)]
-    parts = [
-        f"a tilt of the base from {np.degrees(x):.2g}°" for x in causes.limits(TILT) if x < LARGEST
-    ]
+    tilts = [np.degrees(x) for x in causes.limits(TILT) if x < LARGEST]
+    parts = [f"a tilt of the base from {x:.2g}°" for x in tilts]
     shown = [f"of {name} from {np.degrees(x):.2g}°" for name, x, on in zeros if on and x < LARGEST]
     if shown:
         parts.append(f"a wrong encoder zero {', '.join(shown)}")

@@ -74,9 +74,8 @@ def bounds_of(problem: Problem, is_passive: bool) -> Bounds:
     # A motor drives several joints, and rows of power belong to no joint.
     shared = train.coupling is not None or train.equations < len(columns)
     size = np.full(len(columns), np.linalg.norm(torque)) if shared else torque
-    upper = np.divide(
-        MOST * size[:, None], columns, out=np.zeros_like(columns), where=columns > 0
-    ).ravel()
+    none, most = np.zeros_like(columns), MOST * size[:, None]
+    upper = np.divide(most, columns, out=none, where=columns > 0).ravel()
     lower = -upper
     if is_passive:
         lower = np.where(_nonnegative(problem.friction_names, train.shape), 0.0, lower)

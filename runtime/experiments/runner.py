@@ -143,10 +143,8 @@ def folder_hash(folder: Path) -> str | None:
 
 def _clear(folder: Path) -> None:
     """Remove the files of a study, and no others."""
-    files = [
-        folder / name for name in (storage.RESULT, storage.TRIALS, storage.SERIES, storage.CONFIG)
-    ]
-    for path in [*files, *(folder / "chunks").glob("*")]:
+    names = storage.RESULT, storage.TRIALS, storage.SERIES, storage.CONFIG
+    for path in [*(folder / name for name in names), *(folder / "chunks").glob("*")]:
         path.unlink(missing_ok=True)
 
 

@@ -187,26 +187,20 @@ class Binding:
         if function is None:  # a rare kernel has no vector form
             function = self._symbol(f"{robot}_{kernel.name}_batch")
         pair = (ctypes.c_void_p, ctypes.c_long)
-        function.argtypes = (
-            ctypes.c_long,
-            *pair * len(kernel.inputs),
-            *pair[:1] * len(kernel.outputs),
-        )
+        taken, given = pair * len(kernel.inputs), pair[:1] * len(kernel.outputs)
+        function.argtypes = (ctypes.c_long, *taken, *given)
         function.restype = None
         return function
 
     def call(self, name: str, *values: ArrayLike) -> tuple[Array, ...]:
         """All outputs (N, *shape) of a kernel over a batch (N, *shape)."""
         kernel = self.kernel(name)
-        arrays = [
-            _checked(name, argument, value)
-            for argument, value in zip(kernel.inputs, values, strict=True)
-        ]
+        pairs = zip(kernel.inputs, values, strict=True)
+        arrays = [_checked(name, argument, value) for argument, value in pairs]
         lengths = {len(array) for array in arrays if array.ndim == 2}
         if len(lengths) > 1:
-            shown = ", ".join(
-                f"{a.name} {x.shape}" for a, x in zip(kernel.inputs, arrays, strict=True)
-            )
+            named = zip(kernel.inputs, arrays, strict=True)
+            shown = ", ".join(f"{a.name} {x.shape}" for a, x in named)
             raise ShapeError(f"{name} needs inputs with equally many samples, got {shown}")
         batched = bool(lengths)
         n = lengths.pop() if batched else 1

@@ -32,11 +32,7 @@ _LISTED = re.compile(r"(\d+) bytes spill stores.*?Used (\d+) reg", re.DOTALL)
 class DeviceArray(ctypes.Structure):
     """`symgen_array` of the header."""
 
-    _fields_ = (
-        ("data", ctypes.c_void_p),
-        ("entry", ctypes.c_longlong),
-        ("sample", ctypes.c_longlong),
-    )
+    _fields_ = (("data", ctypes.c_void_p), *((k, ctypes.c_longlong) for k in ("entry", "sample")))
 
 
 @dataclass(frozen=True, slots=True)

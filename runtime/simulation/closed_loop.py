@@ -69,9 +69,8 @@ def ideal(
     if rng is not None:
         tau = tau + plant.torque_noise * rng.normal(size=tau.shape)
     sentence = f"Simulated {len(t)} samples at {rate_hz:g} Hz along the trajectory."
-    return Recording(
-        t, q, dq, ddq, tau, name="ideal", joint_names=lib.joint_names, history=(sentence,)
-    )
+    states, names = (t, q, dq, ddq, tau), lib.joint_names
+    return Recording(*states, name="ideal", joint_names=names, history=(sentence,))
 
 
 _CONTROLLER = Controller()

@@ -76,9 +76,8 @@ def per_joint(n: int, value: ArrayLike, name: str) -> Array:
 def has_mechanism(lib: Library) -> bool:
     """Whether joints follow others, or springs and curves of known stiffness act on them."""
     manifest = lib.manifest
-    return (
-        manifest.coupling is not None or bool(manifest.loops) or "known_torque" in manifest.kernels
-    )
+    has_followers = manifest.coupling is not None or bool(manifest.loops)
+    return has_followers or "known_torque" in manifest.kernels
 
 
 def require_no_springs(lib: Library) -> None:

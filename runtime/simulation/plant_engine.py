@@ -119,9 +119,8 @@ def engine(
     spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     inertia = np.broadcast_to(np.asarray(rotor, dtype=float), (lib.n_joints,))
     bodies: list[Any] = []
-    for joint, lam, armature in zip(
-        lib.manifest.joints, links(lib.lam_from_pi(pi)), inertia, strict=True
-    ):
+    parts = lib.manifest.joints, links(lib.lam_from_pi(pi)), inertia
+    for joint, lam, armature in zip(*parts, strict=True):
         parent = spec.worldbody if joint.parent < 0 else bodies[joint.parent]
         quaternion = np.zeros(4)
         mujoco.mju_mat2Quat(quaternion, np.ravel(joint.rotation))

@@ -237,9 +237,8 @@ class SimulatedFriction:
         order = np.argsort(places)
         self.z = np.zeros(len(order))
         f_c = law.coulomb[order]
-        self._forward, self._backward = (
-            f_c * (1 + side * law.asymmetry[order]) for side in (1, -1)
-        )
+        side = law.asymmetry[order]
+        self._forward, self._backward = f_c * (1 + side), f_c * (1 - side)
         self._peak = law.stribeck[order] * f_c
         self._sharpness = -1 / law.stribeck_speed[order] ** 2
         self._viscous, self._load = law.viscous[order], law.load[order]

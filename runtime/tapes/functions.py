@@ -94,9 +94,8 @@ class TapeFunctions(ABC):
             () loss.
         """
         *state, pi = self._motion(q=q, dq=dq, ddq=ddq, tau=tau, pi=pi, lam=lam)
-        diagonal = (
-            self._constant("ones", pi) if weight is None else self._entry("weight", weight, pi)
-        )
+        ones = self._constant("ones", pi)
+        diagonal = ones if weight is None else self._entry("weight", weight, pi)
         for name, value in (("pi", pi), ("weight", diagonal)):
             if value.ndim != 1:
                 raise ShapeError(
@@ -105,9 +104,8 @@ class TapeFunctions(ABC):
                 )
         beta = pi @ self._constant("base_matrix", pi)
         lead = np.broadcast_shapes(*(tuple(x.shape[:-1]) for x in state))
-        rows = [
-            self.xp.broadcast_to(x, (*lead, x.shape[-1])).reshape(-1, x.shape[-1]) for x in state
-        ]
+        whole = (self.xp.broadcast_to(x, (*lead, x.shape[-1])) for x in state)
+        rows = [x.reshape(-1, x.shape[-1]) for x in whole]
         return self._call("loss_gradient", *rows, diagonal, beta)[0]
 
     def pi_from_lam(self, lam: Any) -> Tensor:

@@ -332,16 +332,14 @@ def trial_on(done: Recording, lib: Library, robust: bool) -> FrictionTrial:
         blocks = [whole.rows(cut) for cut in cuts]
     weights, rests = noise_of_blocks(lib, blocks, thesis_weights(whole.tau), _PASSES)
     stats = [compress(lib, block, weights) for block in blocks]
-    samples_per_independent = inflation(np.concatenate(rests), weights)
-    prior = _prior(lib, stats[0], whole.rows(taken), samples_per_independent)
+    ratio = inflation(np.concatenate(rests), weights)
+    prior = _prior(lib, stats[0], whole.rows(taken), ratio)
     without = [[s for s in stats if s is not block] for block in stats]
     others = [column_solver(rest[0].merged(*rest[1:], prior)) for rest in without]
     return FrictionTrial(tuple(stats), tuple(others), lib.n_joints)
 
 
-def _prior(
-    lib: Library, like: Statistics, samples: Samples, samples_per_independent: float
-) -> Statistics:
+def _prior(lib: Library, like: Statistics, samples: Samples, ratio: float) -> Statistics:
     """Rows √(N/N_eff) L⁻¹ (β − β₀) of the inertial prior and those of φ, of no sample."""
     matrix, pi = lib.base_matrix, lib.pi0
     spread = bodies_of(lib).spread(prior_of(lib, pi).centre) / np.sqrt(CAD)
@@ -349,10 +347,10 @@ def _prior(
     root = np.einsum("bki,kij->bkj", links, spread).reshape(matrix.shape)
     covariance = root @ root.T * (UNKNOWN**2 if lib.placeholders else 1.0)
     values, vectors = np.linalg.eigh(covariance)
-    scale = np.sqrt(samples_per_independent / np.maximum(values, 1e-12 * values[-1]))
+    scale = np.sqrt(ratio / np.maximum(values, 1e-12 * values[-1]))
     rows = scale[:, None] * vectors.T
     torque = np.sqrt(np.mean(samples.tau**2, axis=0))
-    over = np.sqrt(samples_per_independent) / np.where(torque > 0, torque, 1.0)
+    over = np.sqrt(ratio) / np.where(torque > 0, torque, 1.0)
     friction = over[:, None] * samples.column_sizes()
     whole = np.zeros_like(like.factor)
     target = np.zeros_like(like.target)

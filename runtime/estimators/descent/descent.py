@@ -132,9 +132,8 @@ def newton_descend(descent: Descent, start: Outcome) -> Outcome:
     """Go on from the end of another descent by Newton's method."""
     objective, x = _Loss(descent), start.x
     loss, status, step = objective.value(x), Status.MAX_ITERATIONS, 0
-    rows = list(
-        zip(start.trace.iteration, start.trace.training, start.trace.validation, strict=True)
-    )
+    trace = start.trace
+    rows = list(zip(trace.iteration, trace.training, trace.validation, strict=True))
     try:
         while step < NEWTON_STEPS:
             move, predicted = _step(*objective.slope(x))

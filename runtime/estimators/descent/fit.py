@@ -133,9 +133,8 @@ def _adam_problem(descent: Descent, batch: int | None) -> AdamProblem:
         s = problem.train
         columns = (s.columns * unit).reshape(len(s), -1)
         samples = np.hstack([s.q, s.dq, s.ddq, s.tau, columns])
-    training, held = (
-        least_squares(each, unit) for each in (descent.statistics, descent.validation)
-    )
+    parts = descent.statistics, descent.validation
+    training, held = (least_squares(each, unit) for each in parts)
     return AdamProblem(descent.x0, training, held, samples, problem.weights)
 
 

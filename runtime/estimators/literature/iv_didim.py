@@ -259,9 +259,8 @@ def _instrumental(lib: Library, z: Samples, x: Samples, weights: Array) -> tuple
             "a richer trajectory, and check that the controller file has the reference of the "
             "recording"
         )
-    beta, phi = np.split(
-        np.linalg.solve(matrix, right / lengths) / lengths, [len(lib.base_columns)]
-    )
+    solved = np.linalg.solve(matrix, right / lengths) / lengths
+    beta, phi = np.split(solved, [len(lib.base_columns)])
     # Deviation from cov b, with the variance of the residuals per joint.
     solution = Solution(beta, phi.reshape(n, -1), float(sigma[0] / sigma[-1]))
     variance = residual(lib, x, solution).var(axis=0)

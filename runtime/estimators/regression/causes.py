@@ -148,9 +148,7 @@ def causes_of(lib: Library, fit: model_error.FreeFit, pi: Array) -> Causes:
     parts = tuple(coloured_noise.slow_part(each, cosines) for each in parts)
     groups = np.repeat(np.arange(len(kinds)), [each.shape[2] for each in parts])
     columns = np.concatenate(parts, axis=2).reshape(count * n, -1)
-    if not coloured_noise.tells(
-        fit.samples.equations, cosines, fit.basis.shape[1] + columns.shape[1]
-    ):
+    if not coloured_noise.tells(n, cosines, fit.basis.shape[1] + columns.shape[1]):
         return Causes(tuple(Cause(kind, j, 0.0, np.inf, 0.0, 0.0, np.inf) for kind, j, _ in kinds))
     lengths = np.linalg.norm(columns, axis=0)
     columns = columns - fit.basis @ (fit.basis.T @ columns)

@@ -207,9 +207,8 @@ def _warnings(experiments: tuple[Experiment, ...]) -> Iterator[str]:
 
 
 def _is_monte_carlo(experiment: Experiment) -> bool:
-    return any(
-        v.std is not None for document in experiment.document.values() for v in document.values()
-    )
+    numbers = (value for known in experiment.document.values() for value in known.values())
+    return any(value.std is not None for value in numbers)
 
 
 def _tiles(experiments: tuple[Experiment, ...]) -> tuple[Tile, ...]:

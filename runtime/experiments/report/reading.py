@@ -194,9 +194,9 @@ def _require_whole(folder: Path, raw: Mapping[str, Any], known: Mapping[str, Any
         kept = [{k: v for k, v in row.items() if v is not None} for row in rows]
         computed = {_key(entry): entry for entry in summary(kept)}
     stated = {_key(entry): entry for entry in raw["summary"]}
-    wrong = (computed.keys() ^ stated.keys()) | {
-        k for k in computed.keys() & stated.keys() if not _agrees(stated[k], computed[k])
-    }
+    both = computed.keys() & stated.keys()
+    wrong = {k for k in both if not _agrees(stated[k], computed[k])}
+    wrong |= computed.keys() ^ stated.keys()
     if wrong:
         words = " ".join(min(wrong))
         raise RuntimeFault(

@@ -9,9 +9,9 @@ from runtime.experiments.studies.monte_carlo import IDEAL, NOISE, OVER_DESIGNS, 
 from runtime.experiments.study import Study
 
 _MONTE_CARLO = (IDEAL, OVER_DESIGNS, SINES, NOISE)
-_LOGS = (each.STUDY for each in (logs, bench, methods, appendix))
+_OTHERS = tuple(each.STUDY for each in (logs, bench, methods, appendix))
 STUDIES: dict[str, Study] = {
-    study.name: study for study in (excitation.STUDY, model.STUDY, *_MONTE_CARLO, *_LOGS)
+    study.name: study for study in (excitation.STUDY, model.STUDY, *_MONTE_CARLO, *_OTHERS)
 }
 IDS: dict[str, Study] = {view.id: study for study in STUDIES.values() for view in study.views}
 

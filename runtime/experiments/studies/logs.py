@@ -135,9 +135,8 @@ def _finish(setup: LogsSetup, rows: list[Row]) -> StudyOutcome:
 def log_of(lib: Library, series: Arrays, case: str, role: str) -> Recording:
     """Recording of one log."""
     q, dq, tau = (series[f"{case}/{role}/{key}"] for key in KEYS)
-    return Recording(
-        series["t"], q, dq, None, tau, name=f"{case} {role}", joint_names=lib.joint_names
-    )
+    name, names = f"{case} {role}", lib.joint_names
+    return Recording(series["t"], q, dq, None, tau, name=name, joint_names=names)
 
 
 def robot_facts(lib: Library) -> dict[str, Any]:

@@ -79,9 +79,8 @@ def _prepare(lib: Library, config: MethodsConfig, needed: Arrays) -> MethodsSetu
         inputs={"controller": ClosedLoop(designs[0], law, np.array(config.rotor))},
     )
     tau = assembly.parts[2].required("tau")
-    return MethodsSetup(
-        lib, config, assembly, TrueParameters(lib.base_matrix @ pi, "plant", ""), tau
-    )
+    truth = TrueParameters(lib.base_matrix @ pi, "plant", "")
+    return MethodsSetup(lib, config, assembly, truth, tau)
 
 
 def _row(setup: MethodsSetup, number: int) -> Row:

@@ -150,12 +150,12 @@ def _choices(kind: Any) -> tuple[str, ...]:
     return tuple(name for each in get_args(kind) for name in _choices(each))
 
 
-def _members(kind: Any) -> list[Any]:
+def members_of(kind: Any) -> list[Any]:
     """Types of a union, without bounds."""
     if get_origin(kind) is Annotated:
-        return _members(get_args(kind)[0])
+        return members_of(get_args(kind)[0])
     if get_origin(kind) in {Union, UnionType}:
-        return [member for each in get_args(kind) for member in _members(each)]
+        return [member for each in get_args(kind) for member in members_of(each)]
     return [kind]
 
 
@@ -169,7 +169,7 @@ def _description(kind: Any) -> str:
 
 def _fields(kind: Any) -> dict[str, Any]:
     """Keys and types of the records of a union."""
-    structs = [each for each in _members(kind) if isinstance(each, type)]
+    structs = [each for each in members_of(kind) if isinstance(each, type)]
     structs = [each for each in structs if issubclass(each, msgspec.Struct)]
     return {f.encode_name: f.type for each in structs for f in msgspec.structs.fields(each)}
 
@@ -192,7 +192,7 @@ def _kind_at(kind: Any, steps: list[Any]) -> Any:
             kind = fields[step]
             continue
         is_key = isinstance(step, str)
-        members = [each for each in _members(kind) if (get_origin(each) is dict) == is_key]
+        members = [each for each in members_of(kind) if (get_origin(each) is dict) == is_key]
         inner = [arg for each in members for arg in get_args(each) if arg is not Ellipsis]
         kind = inner[-1] if inner else kind
     return kind

@@ -24,7 +24,7 @@ from dataclasses import MISSING, dataclass, field, fields
 from enum import Enum
 from functools import partial
 from pathlib import Path
-from types import NoneType, UnionType
+from types import NoneType
 from typing import Annotated, Any, ClassVar, Union, get_args, get_origin, get_type_hints
 
 import msgspec
@@ -32,7 +32,7 @@ import typer
 
 from runtime.common.errors import RuntimeFault
 from runtime.common.files import tables_of, toml_of, toml_value, write_text
-from runtime.common.records import record_from_table
+from runtime.common.records import members_of, record_from_table
 
 FILE = "settings.toml"  # name of the file beside a result
 CONSENT = "yes"  # field that lets foreign code run: typed by the user, never taken from a file
@@ -272,19 +272,15 @@ def _parsed(record: type[Choices], key: str, text: str) -> Any:
         return int(text) if text.isdecimal() and len(text) <= 308 else text
 
 
-def _members(kind: Any) -> tuple[Any, ...]:
-    return get_args(kind) if get_origin(kind) in {Union, UnionType} else (kind,)
-
-
 def _takes_text(kind: Any) -> bool:
-    return any(each in {str, Path} or get_origin(each) is list for each in _members(kind))
+    return any(each in {str, Path} or get_origin(each) is list for each in members_of(kind))
 
 
 def _schema(record: type[Choices]) -> type[msgspec.Struct]:
     """Struct of a table of settings, whose keys may all be left out."""
     listed = []
     for choice in choices_of(record):
-        members = [each for each in _members(choice.kind) if each is not NoneType]
+        members = [each for each in members_of(choice.kind) if each is not NoneType]
         wide: Any = Union[tuple(members)]  # noqa: UP007  # of types that are known at run time
         if any(get_origin(each) is list for each in members):
             wide = str | float | list[str | float]
@@ -299,7 +295,7 @@ def _schema(record: type[Choices]) -> type[msgspec.Struct]:
 
 def _as_typed(kind: Any, value: Any) -> Any:
     """Value of a file as Typer takes it from the command line."""
-    if any(get_origin(each) is list for each in _members(kind)):
+    if any(get_origin(each) is list for each in members_of(kind)):
         return [_text(each) for each in value] if isinstance(value, list) else [_text(value)]
     if isinstance(value, Enum):
         return value.value

@@ -321,26 +321,19 @@ def laplace(
     if prior.is_of_type:
         reference = pi
     usual = by_kappa.root if is_most_probable else vague
-    moved, phi_nuisance = nuisance_of_slopes(lib, statistics, slopes, level, usual)
-    root = np.column_stack([usual, moved, pi - reference])
-    return Spread(root, phi_nuisance, by_kappa, vague)
-
-
-def without_gains(root: Array, gains: int) -> Array:
-    """A root without its columns of torque gains, which are before the last."""
-    return np.delete(root, np.s_[-1 - gains : -1], axis=1)
-
-
-def nuisance_of_slopes(
-    lib: Library, statistics: Statistics, slopes: Array, level: float, root: Array
-) -> tuple[Array, Array]:
-    """What nuisance torque of size 1 moves π, and φ at known π, (10 n, m) and (n k, m)."""
+    # What nuisance torque of size 1 moves φ at known π, and π.
     n_base = statistics.n_base
     base, columns = statistics.factor[:, :n_base], statistics.factor[:, n_base:]
     friction = posterior_of(columns).root
     phi = friction @ (friction.T @ slopes[n_base:])
     left = lib.base_matrix.T @ (slopes[:n_base] - base.T @ (columns @ phi)) / level
-    return root @ (root.T @ left), phi
+    root = np.column_stack([usual, usual @ (usual.T @ left), pi - reference])
+    return Spread(root, phi, by_kappa, vague)
+
+
+def without_gains(root: Array, gains: int) -> Array:
+    """A root without its columns of torque gains, which are before the last."""
+    return np.delete(root, np.s_[-1 - gains : -1], axis=1)
 
 
 def verdict(silent: bool, share: float) -> str:

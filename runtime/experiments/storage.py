@@ -55,8 +55,9 @@ HASH = b"config_hash"
 
 def arrow() -> Any:
     """Import pyarrow and its Parquet module."""
-    optional("pyarrow.parquet", "a file of trials", "experiments")
-    return import_module("pyarrow")
+    whole = optional("pyarrow", "a file of trials", "experiments")
+    import_module("pyarrow.parquet")
+    return whole
 
 
 def write_rows(rows: list[Row], path: Path, mark: str) -> None:

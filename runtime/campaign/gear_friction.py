@@ -130,15 +130,9 @@ def prepared_columns(
 
 def errors_of(slopes: Array, phi: Array) -> Array:
     """Torque per error of delay, ln z_c, ln v_s and w: slopes (N, n, 8), phi (n, 7) → (N, n, 4)."""
-    return np.stack(
-        [
-            -slopes[..., 7],
-            np.einsum("tjm,jm->tj", slopes[..., :MEMORY], phi[:, :MEMORY]),
-            slopes[..., 4] * phi[:, 2],
-            slopes[..., 5] * phi[:, 5] + slopes[..., 6] * phi[:, 6],
-        ],
-        axis=2,
-    )
+    by_stroke = np.einsum("tjm,jm->tj", slopes[..., :MEMORY], phi[:, :MEMORY])
+    by_waves = slopes[..., 5] * phi[:, 5] + slopes[..., 6] * phi[:, 6]
+    return np.stack([-slopes[..., 7], by_stroke, slopes[..., 4] * phi[:, 2], by_waves], axis=2)
 
 
 def friction_columns(motion: Recording, gear: GearFriction) -> Array:

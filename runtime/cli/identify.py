@@ -259,14 +259,10 @@ def _summary(
         yield f"repeatability: {record.sessions.repeatability.sentence}"
     yield from delay_lines(record)
     if known is not None:
+        gains = f"; intervals assume torque gains known to {100 * known.gain_sigma:.2g} % (σ)"
         yield (
             f"data: they determine {known.determined} of {len(known.beta_sigma)} independent "
-            "combinations of parameters better than the prior does"
-            + (
-                f"; intervals assume torque gains known to {100 * known.gain_sigma:.2g} % (σ)"
-                if known.gain_sigma
-                else ""
-            )
+            f"combinations of parameters better than the prior does{gains * bool(known.gain_sigma)}"
         )
         if not record.doubts:
             yield f"advice: {known.first_advice()}"

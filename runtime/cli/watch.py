@@ -79,13 +79,10 @@ def watch_command(given: WatchSettings) -> None:
     if given.history is not None:
         read_history(given.history)  # before any work
     runs = runs_of(given.logs, given.run)
-    circumstances = [
-        {
-            "recorded": _recorded(log, given.date),
-            "temperature": _temperature(log, given.recipe, run, given.temperature),
-        }
-        for log, run in runs
-    ]
+    circumstances = []
+    for place, run in runs:
+        degrees = _temperature(place, given.recipe, run, given.temperature)
+        circumstances.append({"recorded": _recorded(place, given.date), "temperature": degrees})
     later = [log if run is None else _of_run(saved, lib, given, log, run) for log, run in runs]
     known = saved, lib, later, given.references or (), given.recipe
     verdicts, joints = watch.watched(given.result, *known)

@@ -23,10 +23,12 @@ from runtime.common.errors import RuntimeFault
 from runtime.common.settings import Choices, as_function, choices_of, record_of, stated_settings
 from runtime.common.terminal import VERBOSE, as_typed, flowing
 
+_KEPT = "files that were finished before stay as they are"
 INTERRUPTED = 130  # exit code of Typer for Ctrl-C, where no method returns its best result so far
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # errors of an output that is full
 SMALLEST_NUMBER, LARGEST_NUMBER = 1e-12, 1e12  # of options, besides 0 [SI]: else overflow
-CONTEXT = {"help_option_names": ["-h", "--help"]}
+_LOOK: dict[str, Any] = {"pretty_exceptions_enable": False, "rich_markup_mode": "rich"}
+_LOOK["context_settings"] = {"help_option_names": ["-h", "--help"]}
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,12 +204,7 @@ def _require_usual(option: str, value: Any) -> None:
 def imported(command: Command) -> Any:
     """Command of Typer, from its module."""
     function = getattr(import_module(command.module), f"{command.name}_command")
-    app = typer.Typer(
-        add_completion=False,
-        pretty_exceptions_enable=False,
-        rich_markup_mode="rich",
-        context_settings=CONTEXT,
-    )
+    app = typer.Typer(add_completion=False, **_LOOK)
     help_text = flowing(getdoc(function) or "")
     app.command(command.name, cls=CheckedCommand, help=help_text)(as_function(function))
     made = typer.main.get_command(app)
@@ -360,11 +357,9 @@ def application(
     app = typer.Typer(
         cls=group,
         add_completion=add_completion,
-        pretty_exceptions_enable=False,
-        rich_markup_mode="rich",
-        context_settings=CONTEXT,
         help=purpose,
         epilog="COMMAND --help describes a command with all its options.",
+        **_LOOK,
     )
     app.callback()(options)
     return app
@@ -395,18 +390,13 @@ def run(app: typer.Typer, name: str) -> None:
             sentence = f"cannot use '{short}' ({error.strerror}); choose another path"
         elif error.errno in _FULL:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left over
-            sentence = (
-                f"cannot write the output ({error.strerror}); files that were finished before stay "
-                "as they are; send it to another place"
-            )
+            reason = error.strerror
+            sentence = f"cannot write the output ({reason}); {_KEPT}; send it to another place"
         else:
             raise
     except SystemExit as end:
         if end.code == INTERRUPTED:
-            print(
-                f"{name}: interrupted; files that were finished before stay as they are",
-                file=sys.stderr,
-            )
+            print(f"{name}: interrupted; {_KEPT}", file=sys.stderr)
         raise
     else:
         return

@@ -33,6 +33,8 @@ Factors = Annotated[dict[str, float], Meta(min_length=1)]
 Vector3 = tuple[float, float, float]
 NotNegative = Annotated[float, Meta(ge=0)]
 Positive = Annotated[float, Meta(gt=0)]  # types of fields that stand in several records
+_PER_JOINT = Meta(description="one number from 0 up, or one per joint")
+PerJoint = Annotated[NotNegative | tuple[NotNegative, ...], _PER_JOINT]
 
 _FAULT = re.compile(r"(?P<text>.*?)(?: - at (?:`key` in )?`(?P<path>[^`]*)`)?", re.DOTALL)
 _EXPECTED = re.compile(r"Expected (?P<kind>.+?)(?:, got .*)?", re.DOTALL)

@@ -210,10 +210,11 @@ def model_tests(
     # Placeholders for links without <inertial> are no prior that a torque could contradict.
     contradicted = test.is_contradicted and (prior.is_of_type or not lib.placeholders)
     doubt, errors = "", []
+    source = "the prior of the fleet" if prior.is_of_type else "the URDF"
     if contradicted or not all(each.is_plausible for each in named):
         doubt = _of_columns(lib, fit)
     if not doubt and contradicted and not 1 / SCALE < test.scale < SCALE:
-        doubt = _of_unit(test, prior.is_of_type)
+        doubt = _of_unit(test, source)
     if named and named[0].is_usable:
         errors.append(
             f"{sentence_of(lib, named)}: the parameters take up a part of it, and their intervals "
@@ -223,9 +224,9 @@ def model_tests(
         doubt = doubt or _of_cause(lib, named)
     if contradicted and not doubt:
         if test.is_of_another and not test.links:
-            doubt = _of_prior(test, prior.is_of_type)
+            doubt = _of_prior(test, source)
         else:
-            errors.insert(0, _of_urdf(test, prior.is_of_type))
+            errors.insert(0, _of_urdf(test, source, prior.is_of_type))
     if friction is not None and friction.is_contradicted:
         errors.append(
             f"the residuals of {', '.join(friction.names(lib))} contain friction that the columns "
@@ -346,8 +347,7 @@ def _of_limits(lib: Library, causes: Causes) -> tuple[str, ...]:
     return tuple(said)
 
 
-def _of_unit(test: PriorTest, is_of_type: bool) -> str:
-    source = _source(is_of_type)
+def _of_unit(test: PriorTest, source: str) -> str:
     return (
         f"the measured torque is {test.scale:.3g} times that of {source}: the unit or sign of the "
         f"torque is wrong rather than {source}; state them in a recipe: torque in N·m, or "
@@ -355,29 +355,23 @@ def _of_unit(test: PriorTest, is_of_type: bool) -> str:
     )
 
 
-def _source(is_of_type: bool) -> str:
-    return "the prior of the fleet" if is_of_type else "the URDF"
-
-
 def _is_certain(before: float, after: float, sigma: float) -> bool:
     """Whether the data determine a mass; near the base a release leaves it to the logarithm."""
     return abs(after - before) > CERTAIN * sigma
 
 
-def _bodies(test: PriorTest, is_of_type: bool) -> str:
+def _bodies(test: PriorTest, source: str) -> str:
     """Links whose release explains the contradiction, with the masses that the data determine."""
-    return " or ".join(
-        f"{name} ({before:.3g} kg in {_source(is_of_type)}, {after:.3g} ± {2 * sigma:.1g} kg from "
-        "the data)"
-        if _is_certain(before, after, sigma)
-        else name
-        for name, (before, after, sigma) in zip(test.links, test.masses, strict=True)
-    )
+    listed = []
+    for name, (before, after, sigma) in zip(test.links, test.masses, strict=True):
+        both = f" ({before:.3g} kg in {source}, {after:.3g} ± {2 * sigma:.1g} kg from the data)"
+        listed.append(name + both if _is_certain(before, after, sigma) else name)
+    return " or ".join(listed)
 
 
-def _of_urdf(test: PriorTest, is_of_type: bool) -> str:
+def _of_urdf(test: PriorTest, source: str, is_of_type: bool) -> str:
     """Sentence on a prior that is off, while the result follows the data."""
-    source, size = _source(is_of_type), f"{test.excess:.2g} times the threshold"
+    size = f"{test.excess:.2g} times the threshold"
     missed = f"{significant(100 * test.mismatch)} % of the torque of its links"
     if not test.links:
         return (
@@ -396,14 +390,13 @@ def _of_urdf(test: PriorTest, is_of_type: bool) -> str:
         missed = f"{missed}, {after - before:+.2g} kg at {test.links[0]}"
     return (
         f"{source} is off by {missed}: the data contradict the inertia of "
-        f"{_bodies(test, is_of_type)}, or of what it carries ({size}), while the joints agree with "
+        f"{_bodies(test, source)}, or of what it carries ({size}), while the joints agree with "
         f"each other: {wrong}{FOLLOWS}"
     )
 
 
-def _of_prior(test: PriorTest, is_of_type: bool) -> str:
+def _of_prior(test: PriorTest, source: str) -> str:
     """Sentence on a prior that is further off than that of the same robot, in no single link."""
-    source = _source(is_of_type)
     return (
         f"the data contradict the inertias of {source} ({test.excess:.2g} times the threshold), "
         f"and no single link explains it: {source} is of another robot, or order, unit or sign of "

@@ -62,17 +62,9 @@ ALIKE = 1e-9  # relative difference below which two widths are the same
 Real = Annotated[float, Meta(gt=-LARGEST_PRIOR, lt=LARGEST_PRIOR)]
 Least = Annotated[float, Meta(ge=0, lt=LARGEST_PRIOR)]
 Above = Annotated[float, Meta(gt=0, lt=LARGEST_PRIOR)]
-BodyTables = dict[  # [centre]: π0 of links
-    str,
-    Annotated[
-        tuple[Real, ...],
-        Meta(
-            min_length=N_PARAMETERS,
-            max_length=N_PARAMETERS,
-            description=f"{N_PARAMETERS} numbers {', '.join(PI_NAMES)}",
-        ),
-    ],
-]
+_TEN = f"{N_PARAMETERS} numbers {', '.join(PI_NAMES)}"
+_Body = Meta(min_length=N_PARAMETERS, max_length=N_PARAMETERS, description=_TEN)
+BodyTables = dict[str, Annotated[tuple[Real, ...], _Body]]  # [centre]: π0 of links
 Pair = Annotated[tuple[Real, Above], Meta(description="[value, σ] with σ above 0")]
 FrictionTables = dict[str, Annotated[Above, Meta(description="a width above 0")] | dict[str, Pair]]
 """[friction]: widths, and per joint a table of columns."""
@@ -191,6 +183,11 @@ _ROTOR = "kg·m² above 0, or [kg·m², σ]"
 
 Mass = Annotated[float | tuple[float, float], Meta(description=_MASS)]
 Plane = Literal["xy", "xz", "yz"]
+Planes = Annotated[tuple[Plane, ...], Meta(min_length=1)]
+Symmetry = Annotated[Plane | Planes, Meta(description=f"a list of {', '.join(MIRRORED)}")]
+Kappa = Annotated[float, Meta(gt=0, le=sys.float_info.max)]
+Trust = Literal["cad", "gripper", "none"] | Kappa
+_TRUST = Meta(description=f"one of {', '.join(TRUST)} or a number above 0")
 
 
 class LinkPrior(Record, frozen=True):
@@ -199,13 +196,7 @@ class LinkPrior(Record, frozen=True):
     mass: Mass | None = None
     com_box: Annotated[tuple[Vector3, Vector3], Meta(description=_BOX)] | None = None
     com_hull: Annotated[tuple[Vector3, ...], Meta(min_length=4, description=_HULL)] | None = None
-    symmetry: (
-        Annotated[
-            Plane | Annotated[tuple[Plane, ...], Meta(min_length=1)],
-            Meta(description=f"a list of {', '.join(MIRRORED)}"),
-        ]
-        | None
-    ) = None
+    symmetry: Symmetry | None = None
 
 
 class Fleet(Record, frozen=True, forbid_unknown_fields=False):
@@ -217,13 +208,7 @@ class Fleet(Record, frozen=True, forbid_unknown_fields=False):
 class Stated(Record, frozen=True):
     """The file; a table of links or joints has their names as keys."""
 
-    trust: (
-        Annotated[
-            Literal["cad", "gripper", "none"] | Annotated[float, Meta(gt=0, le=sys.float_info.max)],
-            Meta(description=f"one of {', '.join(TRUST)} or a number above 0"),
-        ]
-        | None
-    ) = None
+    trust: Annotated[Trust, _TRUST] | None = None
     total_mass: Mass | None = None
     link: dict[str, LinkPrior] = field(default_factory=dict)
     armature: dict[str, Annotated[float | tuple[float, float], Meta(description=_ROTOR)]] = field(

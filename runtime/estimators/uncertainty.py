@@ -253,9 +253,7 @@ def uncertainty_of(
     return Uncertainty(
         root=spread.root,
         share=spread.by_kappa.share,
-        verdicts=tuple(
-            verdict(q, float(s)) for q, s in zip(silent, spread.by_kappa.share, strict=True)
-        ),
+        verdicts=tuple(map(verdict, silent, spread.by_kappa.share.tolist())),
         beta_sigma=np.linalg.norm(base @ spread.root, axis=1),
         beta_verdicts=beta_verdicts(base, spread.by_kappa, spread.vague),
         noise=noise(rest, lib, phi.size, coloured.inflation),
@@ -347,10 +345,8 @@ def beta_verdicts(base: Array, spread: Posterior, vague: Array) -> tuple[str, ..
     """Verdicts on the base parameters β = K π: base (n_b, 10 n), vague (10 n, 10 n) → (n_b,)."""
     tight, loose = (np.sum((base @ root) ** 2, axis=1) for root in (spread.root, vague))
     by_data = tight >= ALONE * loose
-    return tuple(
-        verdict(False, float(share)) if enough else PRIOR_DOMINATED
-        for enough, share in zip(by_data, spread.share_of(base), strict=True)
-    )
+    shares = np.where(by_data, spread.share_of(base), 1.0)  # 1 is that of the prior
+    return tuple(verdict(False, share) for share in shares.tolist())
 
 
 def vague_posterior(lib: Library, prior: Prior, rows: Array, target: Array) -> tuple[Array, Array]:

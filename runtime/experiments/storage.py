@@ -18,7 +18,6 @@ import numpy as np
 from filelock import FileLock, Timeout
 
 from runtime.common.files import json_of, replacing, sha256_of, write_json
-from runtime.common.optional import optional
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.experiments.study import FORMAT, Row, Study, StudyOutcome
 from runtime.library import Array, Library
@@ -55,9 +54,14 @@ HASH = b"config_hash"
 
 def arrow() -> Any:
     """Import pyarrow and its Parquet module."""
-    whole = optional("pyarrow", "a file of trials", "experiments")
-    import_module("pyarrow.parquet")
-    return whole
+    try:
+        import_module("pyarrow.parquet")
+        return import_module("pyarrow")
+    except ImportError:
+        raise RuntimeFault(
+            "trials of experiments are Parquet files, which need pyarrow; install it with: "
+            "pip install 'symgen[experiments]'"
+        ) from None
 
 
 def write_rows(rows: list[Row], path: Path, mark: str) -> None:

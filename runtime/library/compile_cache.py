@@ -58,13 +58,8 @@ _FLAGS = (
 )
 
 Flag = Annotated[str, Meta(pattern=rf"\A({_FLAGS})\Z", description="a flag of symgen")]
-FileName = Annotated[
-    str,
-    Meta(
-        pattern=r"\A[A-Za-z][A-Za-z0-9_]{0,80}\.(c|cuh|h|json|md|urdf)\Z",
-        description="a generated file",
-    ),
-]
+_NAME = r"\A[A-Za-z][A-Za-z0-9_]{0,80}\.(c|cuh|h|json|md|urdf)\Z"
+FileName = Annotated[str, Meta(pattern=_NAME, description="a generated file")]
 Files = Annotated[
     dict[FileName, str], Meta(description="a table of generated files and their hashes")
 ]
@@ -335,13 +330,9 @@ def compile_folder(
 ) -> list[Words]:
     """Compile the C code of a generated folder for some levels, outside that folder."""
     *commands, link = compile_commands(to_builtins(recipe), levels, compiler, folder, target)
-    bar = Progress(
-        *Progress.get_default_columns()[:2],
-        TimeElapsedColumn(),
-        console=Console(stderr=True),
-        transient=True,
-        disable=not sys.stderr.isatty(),
-    )
+    columns = (*Progress.get_default_columns()[:2], TimeElapsedColumn())
+    console, is_quiet = Console(stderr=True), not sys.stderr.isatty()
+    bar = Progress(*columns, console=console, transient=True, disable=is_quiet)
     with bar, ThreadPoolExecutor(cores()) as pool:
         done = pool.map(lambda command: run(command, folder), commands)
         list(bar.track(done, total=len(commands), description="compiling"))

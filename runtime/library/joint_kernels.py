@@ -120,10 +120,8 @@ class JointKernels(Kernels):
         bad = np.isnan(self.loop_margins(rows)).any(axis=1) & np.isfinite(rows).all(axis=1)
         if bad.any():
             first = int(np.argmax(bad))
-            at = ", ".join(
-                f"{name} = {value:.4g}"
-                for name, value in zip(self.joint_names, rows[first], strict=True)
-            )
+            values = zip(self.joint_names, rows[first], strict=True)
+            at = ", ".join(f"{name} = {value:.4g}" for name, value in values)
             raise PostureError(
                 f"{bad.sum()} of {len(rows)} positions of '{self.name}' (the first at row {first}: "
                 f"{at}) are beyond a singular posture of {', '.join(self.manifest.loops)}, or the "
@@ -138,12 +136,9 @@ class JointKernels(Kernels):
         near = np.where(turns, home + np.remainder(row - home + np.pi, 2 * np.pi) - np.pi, row)
         if np.isnan(self.loop_margins(near)).any():
             return ""
-        names = [
-            f"{name} = {value:.4g}"
-            for name, value, moved in zip(self.joint_names, near, abs(near - row) > 1, strict=True)
-            if moved
-        ]
-        return f"; give positions within half a turn of the assembly pose, such as {names[0]}"
+        j = int(np.argmax(abs(near - row) > 1))
+        place = f"{self.joint_names[j]} = {near[j]:.4g}"
+        return f"; give positions within half a turn of the assembly pose, such as {place}"
 
     def _of_joints(self, values: ArrayLike) -> Array:
         array = np.asarray(values, dtype=float)

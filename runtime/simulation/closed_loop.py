@@ -109,16 +109,11 @@ def closed_loop(
     noise[1] *= plant.velocity_noise
     felt = noise[:2].transpose(1, 0, 2) if controller.feels_noise else None
     motion = follow(lib, reference, plant, controller, rate_hz, felt, progress)
-    return Recording(
-        t,
-        motion.q + noise[0],
-        motion.dq + noise[1],
-        None,
-        motion.link + plant.torque_noise * noise[2],
-        name="closed loop",
-        joint_names=lib.joint_names,
-        history=(f"Simulated {len(t)} samples at {rate_hz:g} Hz in closed loop.",),
-    )
+    q, dq = motion.q + noise[0], motion.dq + noise[1]
+    tau, names = motion.link + plant.torque_noise * noise[2], lib.joint_names
+    sentence = f"Simulated {len(t)} samples at {rate_hz:g} Hz in closed loop."
+    states = t, q, dq, None, tau
+    return Recording(*states, name="closed loop", joint_names=names, history=(sentence,))
 
 
 def follow(
@@ -166,12 +161,8 @@ def write_controller(
     reference: file of the trajectory beside it; rotor (n,) or one number [kg·m²]; start [s].
     """
     lines = ["[controller]"]
-    values = {
-        "stiffness": controller.stiffness,
-        "damping": controller.damping,
-        "rotor": rotor,
-        "rate_hz": rate_hz,
-    }
+    values = {"stiffness": controller.stiffness, "damping": controller.damping}
+    values |= {"rotor": rotor, "rate_hz": rate_hz}
     lines += [f"{key} = {np.asarray(value, dtype=float).tolist()}" for key, value in values.items()]
     lines += ["", "[reference]", f'trajectory = "{reference}"', f"start = {start}"]
     write_text(path, "\n".join(lines) + "\n")

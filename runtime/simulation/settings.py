@@ -23,7 +23,14 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from runtime.common.records import Record, record_from_table, record_from_toml
+from runtime.common.records import (
+    NotNegative,
+    PerJoint,
+    Positive,
+    Record,
+    record_from_table,
+    record_from_toml,
+)
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 from runtime.simulation.plant import per_joint
@@ -61,15 +68,8 @@ class Sensors:
     torque_quantum: Array
 
 
-_NotNegative = Annotated[float, Meta(ge=0)]
-_Positive = Annotated[float, Meta(gt=0)]
-_EACH = Annotated[
-    _NotNegative | tuple[_NotNegative, ...],
-    Meta(description="one number from 0 up, or one per joint"),
-]
-_EACH_ABOVE_ZERO = Annotated[
-    _Positive | tuple[_Positive, ...], Meta(description="one number above 0, or one per joint")
-]
+_ABOVE_ZERO = Meta(description="one number above 0, or one per joint")
+_EACH_ABOVE_ZERO = Annotated[Positive | tuple[Positive, ...], _ABOVE_ZERO]
 _EACH_REAL = Annotated[float | tuple[float, ...], Meta(description="one number, or one per joint")]
 _KINDS: dict[str, dict[str, Any]] = {
     "inertia": {
@@ -79,17 +79,17 @@ _KINDS: dict[str, dict[str, Any]] = {
         ],
         "rotor": _EACH_ABOVE_ZERO,
     },
-    "friction": dict.fromkeys((each.name for each in fields(VirtualFriction)), _EACH)
+    "friction": dict.fromkeys((each.name for each in fields(VirtualFriction)), PerJoint)
     | {"stribeck_speed": _EACH_ABOVE_ZERO, "dahl_stroke": _EACH_ABOVE_ZERO}
     | {"ripple_phase": _EACH_REAL},
-    "sensors": dict.fromkeys((each.name for each in fields(Sensors)), _EACH)
+    "sensors": dict.fromkeys((each.name for each in fields(Sensors)), PerJoint)
     | {"velocity_cutoff_hz": _EACH_ABOVE_ZERO},
-    "drive": {"delay_s": _NotNegative, "step_s": _Positive},
+    "drive": {"delay_s": NotNegative, "step_s": Positive},
     "controller": {
         "law": Literal["computed_torque", "feedforward"],
-        "stiffness": _EACH,
-        "damping": _EACH,
-        "rate_hz": _Positive,
+        "stiffness": PerJoint,
+        "damping": PerJoint,
+        "rate_hz": Positive,
     },
 }
 _FILE = msgspec.defstruct(  # the whole file: tables and their keys

@@ -71,11 +71,10 @@ def _zero_columns(problem: Problem, is_column: Mask) -> tuple[str, ...]:
     """Sentence on columns without an effect; those of rotors, motors and springs may be zero."""
     names = problem.friction_names
     zero = ~is_column if problem.left_out is None else ~is_column & ~problem.left_out
+    places = itertools.product(problem.lib.joint_names, names)
     listed = [
         f"{name} of {joint}"
-        for (joint, name), is_zero in zip(
-            itertools.product(problem.lib.joint_names, names), zero, strict=False
-        )
+        for (joint, name), is_zero in zip(places, zero, strict=False)
         if is_zero and name in COLUMNS and not _is_optional(COLUMNS[name])
     ]
     if not listed:

@@ -17,14 +17,15 @@ from scipy.sparse import csc_matrix
 
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.least_squares import counted_in_links
-from runtime.estimators.convex.entropic_prior import prior_of
+from runtime.estimators.convex.constraints import solved_cone, svec
+from runtime.estimators.convex.entropic_prior import bodies_of, prior_of
 from runtime.estimators.convex.newton import PATIENCE, SHRINK, Path, follow_compiled
 from runtime.estimators.friction_bounds import Bounds, bounds_of, notes_of, within_bounds
 from runtime.estimators.methods import Method
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.factor import Statistics, reduce
 from runtime.library import Array, Library
-from runtime.library.parameters import N_PARAMETERS, pi_from_parts
+from runtime.library.parameters import pi_from_parts
 
 LENGTH = 0.1  # unit of length of scaled unknowns, m: m, m·c/ℓ and I/ℓ² are then of one size
 SLACK = 1e-3
@@ -33,7 +34,7 @@ often implausible: for a poorly excited arm of 16 kg it had links of 1400 kg at 
 BOUNDARY = 1e-6  # relative eigenvalue below which a link of the optimum is a plate or a rod
 LARGEST_WEIGHT = 4.0  # mean tr(P0⁻¹ P)/4 per link up to which the path certifies; 1 is the prior
 FINER, MORE_STEPS = 4.0, 200  # ratio and steps per γ of the second attempt at a path
-_SVEC = tuple((i, j) for j in range(4) for i in range(j + 1))
+TIGHT = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), 1e-10)  # of Clarabel
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,17 +100,10 @@ def _nearest(lib: Library, statistics: Statistics, guess: Array) -> Fit:
     how = "stopped before coming within" if near is None else "within"
     _, eliminated = reduce(statistics, lib.n_joints)
     edge = lib.relative_eigenvalues(best.pi).min() < BOUNDARY
-    return Fit(
-        pi=pi,
-        phi=eliminated.phi(pi),
-        lam=lib.lam_from_pi(pi),
-        status=(
-            f"{how} {SLACK:g} of the convex optimum {best.loss:.6g} ({best.status})"
-            + (", which lies on the boundary of consistency" if edge else "")
-        ),
-        iterations=path.steps,
-        optimum=best.loss,
-    )
+    status = f"{how} {SLACK:g} of the convex optimum {best.loss:.6g} ({best.status})"
+    status += ", which lies on the boundary of consistency" if edge else ""
+    lam = lib.lam_from_pi(pi)
+    return Fit(pi, eliminated.phi(pi), lam, status, path.steps, optimum=best.loss)
 
 
 def _followed(
@@ -150,26 +144,17 @@ def cone_optimum(lib: Library, statistics: Statistics) -> ConvexOptimum:
     residual = np.zeros((1 + len(factor), scale.size + 1))
     residual[0, -1], residual[1:, :-1] = -1.0, -factor * scale / unit
     # svec(P̂_k) = S π̂_k, with S from the kernel P(π) of the library.
-    of_unit = lib.pseudo_inertia(np.tile(np.eye(N_PARAMETERS), (1, n)))[:, 0]
-    svec = [(1.0 if i == j else np.sqrt(2.0)) * of_unit[:, i, j] for i, j in _SVEC]
+    triangles = svec(bodies_of(lib).basis)
     consistency, of_link = np.zeros((2, size, scale.size + 1))
-    consistency[:, :size] = -block_diag(*[np.array(svec)] * n)
-    of_link[:, :size] = block_diag(*[np.ones_like(svec)] * n)
+    consistency[:, :size] = -block_diag(*[triangles] * n)
+    of_link[:, :size] = block_diag(*[np.ones_like(triangles)] * n)
     # Entries that are zero by chance are stored, too: what is stored decides the last digits.
     matrix, stored = np.vstack([residual, consistency]), np.vstack([residual != 0, of_link > 0])
     places, width = np.nonzero(stored), scale.size + 1
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
-    settings.max_iter = 200
-    solution = clarabel.DefaultSolver(
-        csc_matrix((width, width)),
-        np.eye(width)[-1],
-        csc_matrix((matrix[places], places), shape=matrix.shape),
-        np.concatenate([[0.0], -target / unit, np.zeros(size)]),
-        [clarabel.SecondOrderConeT(len(residual)), *[clarabel.PSDTriangleConeT(4)] * n],
-        settings,
-    ).solve()
+    rows = csc_matrix((matrix[places], places), shape=matrix.shape)
+    sides = np.concatenate([[0.0], -target / unit, np.zeros(size)])
+    cones = [clarabel.SecondOrderConeT(len(residual)), *[clarabel.PSDTriangleConeT(4)] * n]
+    solution = solved_cone(np.eye(width)[-1], rows, sides, cones, **TIGHT, max_iter=200)
     status = str(solution.status)
     if status not in {"Solved", "AlmostSolved"}:
         raise IdentificationError(

@@ -7,6 +7,7 @@ its multipliers name the priors that contradict each other (Farkas). Then the Ne
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import clarabel
 import numpy as np
@@ -105,23 +106,11 @@ def _inside(constraints: Constraints, prior: Prior, whiten: Array) -> Array:
     at = prior.centre
     sides = [(e_value - e @ at) / length, (limit - a @ at) / scale, [ROOM], zero(size + 1), room]
     bodies = size // N_PARAMETERS
-    cones = [
-        clarabel.ZeroConeT(len(e)),
-        clarabel.NonnegativeConeT(len(a) + 1),
-        clarabel.SecondOrderConeT(size + 1),
-        *[clarabel.PSDTriangleConeT(4)] * bodies,
-    ]
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    cost = np.concatenate([zero(size), [-ROOM_COST, 1.0]])
-    solution = clarabel.DefaultSolver(
-        csc_matrix((cost.size, cost.size)),
-        cost,
-        csc_matrix(np.vstack(blocks)),
-        np.concatenate(sides),
-        cones if len(e) else cones[1:],
-        settings,
-    ).solve()
+    cones = [clarabel.ZeroConeT(len(e))] if len(e) else []
+    cones += [clarabel.NonnegativeConeT(len(a) + 1), clarabel.SecondOrderConeT(size + 1)]
+    cones += [clarabel.PSDTriangleConeT(4)] * bodies
+    cost, matrix = np.concatenate([zero(size), [-ROOM_COST, 1.0]]), csc_matrix(np.vstack(blocks))
+    solution = solved_cone(cost, matrix, np.concatenate(sides), cones)
     status, x = str(solution.status), np.array(solution.x)
     solved = status in {"Solved", "AlmostSolved"}
     if not solved or x[size] < LEAST_ROOM:
@@ -147,14 +136,24 @@ def _consistency(prior: Prior, back: Array) -> tuple[Array, Array]:
     """svec of P̃_k(x) = L⁻¹ P_k(back x) L⁻ᵀ with P0 = L Lᵀ, and of the identity, stacked."""
     basis, size = prior.bodies.basis, prior.centre.size
     lower = np.linalg.inv(np.linalg.cholesky(prior.bodies.pseudo_inertia(prior.centre)))
-    places = [(i, j) for j in range(4) for i in range(j + 1)]
-    weight = np.array([1.0 if i == j else np.sqrt(2.0) for i, j in places])
-    blocks = []
-    for inverse in lower:
-        turned = inverse @ basis @ inverse.T
-        blocks.append(np.array([turned[:, i, j] for i, j in places]) * weight[:, None])
-    unit = np.tile([1.0 if i == j else 0.0 for i, j in places], size // N_PARAMETERS)
+    blocks = [svec(inverse @ basis @ inverse.T) for inverse in lower]
+    unit = np.tile(svec(np.eye(4)[None])[:, 0], size // N_PARAMETERS)
     return block_diag(*blocks) @ back, unit
+
+
+def svec(matrices: Array) -> Array:
+    """Upper triangles (10, k) of symmetric matrices (k, 4, 4), √2 beside the diagonal."""
+    places = [(i, j) for j in range(4) for i in range(j + 1)]
+    return np.array([(1.0 if i == j else np.sqrt(2.0)) * matrices[:, i, j] for i, j in places])
+
+
+def solved_cone(cost: Array, rows: csc_matrix, sides: Array, cones: list[Any], **how: Any) -> Any:
+    """Clarabel's solution of min cost · x with sides − rows x in a product of cones."""
+    settings = clarabel.DefaultSettings()
+    for name, value in ({"verbose": False} | how).items():
+        setattr(settings, name, value)
+    flat = csc_matrix((cost.size, cost.size))
+    return clarabel.DefaultSolver(flat, cost, rows, sides, cones, settings).solve()
 
 
 def _stacked(rows: tuple[ConstraintRow, ...], size: int) -> tuple[Array, Array]:

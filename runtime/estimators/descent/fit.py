@@ -293,11 +293,10 @@ LEVENBERG_MARQUARDT = Method(
     from_statistics=True,
     uses_validation=True,
 )
-LOG_CHOLESKY = Method(
-    "log-cholesky",
-    "Levenberg-Marquardt in log-Cholesky coordinates, consistent by construction",
-    partial(fit_levenberg, cholesky=True),
+LOG_CHOLESKY = replace(
+    LEVENBERG_MARQUARDT,
+    name="log-cholesky",
+    sentence="Levenberg-Marquardt in log-Cholesky coordinates, consistent by construction",
+    fit=partial(fit_levenberg, cholesky=True),
     label="log-cholesky",
-    from_statistics=True,
-    uses_validation=True,
 )

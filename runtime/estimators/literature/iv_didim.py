@@ -25,7 +25,7 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta
 
-from runtime.common.records import Record, record_from_toml
+from runtime.common.records import PerJoint, Positive, Record, record_from_toml
 from runtime.errors import IdentificationError, NeedsError, SimulationError
 from runtime.estimators.classical.least_squares import (
     Solution,
@@ -62,20 +62,14 @@ an estimate by instruments is rejected."""
 _BLOCK = 4096  # samples whose regressor is held at a time
 _SIMULATED = names_where(lambda column: column.in_closed_loop)
 
-_NotNegative = Annotated[float, Meta(ge=0)]
-_PerJoint = Annotated[
-    _NotNegative | tuple[_NotNegative, ...],
-    Meta(description="one number from 0 up, or one per joint"),
-]
-
 
 class _Gains(Record, frozen=True):
     """[controller]."""
 
-    stiffness: _PerJoint = 225.0
-    damping: _PerJoint = 30.0
-    rotor: _PerJoint = 0.1
-    rate_hz: Annotated[float, Meta(gt=0)] = 1000.0
+    stiffness: PerJoint = 225.0
+    damping: PerJoint = 30.0
+    rotor: PerJoint = 0.1
+    rate_hz: Positive = 1000.0
 
 
 class _Reference(Record, frozen=True):

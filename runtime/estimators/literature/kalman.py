@@ -32,7 +32,7 @@ variables (Söderström 2018, Ch. 6); their use in a filter is ours.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -414,12 +414,9 @@ EKF = Method(
     columns=STATE_COLUMNS,
     objective="follows the unfiltered recording",
 )
-UKF = Method(
-    "ukf",
-    "unscented Kalman filter over q, dq, beta and friction, on the unfiltered recording",
-    fit_ukf,
-    takes_log=True,
-    unfiltered=True,
-    columns=STATE_COLUMNS,
-    objective="follows the unfiltered recording",
+UKF = replace(
+    EKF,
+    name="ukf",
+    sentence="unscented Kalman filter over q, dq, beta and friction, on the unfiltered recording",
+    fit=fit_ukf,
 )

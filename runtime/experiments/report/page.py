@@ -119,11 +119,9 @@ def _torque(experiment: Experiment, view: View, case: str) -> tuple[str, ...] | 
         return f"{head}{_over(view)}", published, f"{middle} [{low} to {high}]", labels.NOTHING
     cells = [_mean(experiment, case, method, names) for method in ("adam", best)]
     if best.endswith(RUBBING):  # the others with the same friction columns stand beside it
-        others = ", ".join(
-            f"{labels.method_name(m)} {_mean(experiment, case, m, names)}"
-            for m in experiment.methods
-            if m.endswith(RUBBING) and m != best
-        )
+        rest = [m for m in experiment.methods if m.endswith(RUBBING) and m != best]
+        means = (f"{labels.method_name(m)} {_mean(experiment, case, m, names)}" for m in rest)
+        others = ", ".join(means)
         cells[1] = f"{cells[1]} with friction columns ({others}; without: MAP " + (
             f"{_mean(experiment, case, 'map', names)})"
         )

@@ -27,8 +27,9 @@ _KEPT = "files that were finished before stay as they are"
 INTERRUPTED = 130  # exit code of Typer for Ctrl-C, where no method returns its best result so far
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # errors of an output that is full
 SMALLEST_NUMBER, LARGEST_NUMBER = 1e-12, 1e12  # of options, besides 0 [SI]: else overflow
-_LOOK: dict[str, Any] = {"pretty_exceptions_enable": False, "rich_markup_mode": "rich"}
-_LOOK["context_settings"] = {"help_option_names": ["-h", "--help"]}
+CONTEXT = {"help_option_names": ["-h", "--help"]}
+_PLAIN = {"pretty_exceptions_enable": False, "rich_markup_mode": "rich"}
+_LOOK: dict[str, Any] = _PLAIN | {"context_settings": CONTEXT}
 
 
 @dataclass(frozen=True, slots=True)

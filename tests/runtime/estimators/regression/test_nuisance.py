@@ -8,6 +8,7 @@ import pytest
 
 from runtime.estimators.regression import model_error
 from runtime.estimators.regression.model_error import (
+    KINDS,
     SHAPES,
     SLOW,
     common_size,
@@ -60,6 +61,21 @@ def test_intervals_hold_under_torque_that_no_column_describes(
     sigma = friction_sigma(result)
     assert sigma is not None
     assert np.all(np.abs(viscous - 0.5) < 3 * sigma[:, result.friction.columns.index("viscous")])
+
+
+def test_intervals_hold_under_friction_that_depends_on_the_position(
+    lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray
+) -> None:
+    """Oracle: the mean viscous friction over a turn, of an arm whose friction varies by 20 %."""
+    plant = Plant(pi_true, viscous=0.5, coulomb=0.3, torque_noise=NOISE)
+    log = ideal(lib, trajectories[0], plant, rng=np.random.default_rng(1))
+    friction = 0.5 * log.dq + 0.3 * np.tanh(log.dq / 0.02)
+    tau = log.tau + 0.2 * np.sin(log.q + np.arange(lib.n_joints)) * friction
+    result = identify_recording(log.replace(tau=tau), lib, friction=TERMS, gain_sigma=0)
+    sigma, column = friction_sigma(result), result.friction.columns.index("viscous")
+    assert sigma is not None
+    error = (result.usual_phi[:, column] - 0.5) / sigma[:, column]
+    assert np.sqrt(np.mean(error**2)) < 1.5
 
 
 def test_an_arm_without_nuisance_torque_has_none(
@@ -217,17 +233,18 @@ def test_the_posterior_of_sizes_is_that_of_their_scores() -> None:
 
 
 def test_shapes_of_a_kind_have_one_size() -> None:
-    """Oracle: orthogonal shapes of posture of 0.03, of friction of 0.3, seen with noise of 0.001.
+    """Oracle: orthogonal shapes of 0.03, 0.3 and 0.1 by their kind, with noise of 0.001.
 
     The mean of five squares has an error of √(2/5), of which a size has half; candidates are 1.6
     apart. A joint whose other columns take up all of its shapes has the size of the others.
     """
-    rng, true, ranges = np.random.default_rng(6), np.repeat([0.03, 0.3], [5, 4]), np.full(7, 30.0)
+    rng, ranges = np.random.default_rng(6), np.full(7, 30.0)
+    true = np.array([0.03, 0.3, 0.1])[KINDS]
     grams = np.repeat(np.eye(SHAPES)[None], 7, axis=0)
     scores = true * rng.normal(size=(7, SHAPES))
     sizes = nuisance_sizes(grams, scores, 1e-6, ranges)
     assert np.abs(np.log(sizes.mean(axis=0) / true)).max() < np.log(1.6) / 2
-    assert len(set(sizes[0].tolist())) == 2
+    assert len(set(sizes[0].tolist())) == 3
     grams[0], scores[0] = 1e-6 * grams[0], 1e-6 * scores[0]
     hidden = nuisance_sizes(grams, scores, 1e-6, ranges)
     assert np.abs(np.log(hidden[0] / true)).max() < np.log(1.6)  # √(2/5)/2, and 1/√6 of the law

@@ -23,7 +23,7 @@ from runtime.recording.friction.columns import COULOMB, DAHL, POSITION
 from runtime.recording.preprocessing import prepare
 
 DRY, MEMORY, ALONG = COULOMB.name, DAHL.name, POSITION.name
-STROKES = tuple(5e-4 * 2.0 ** (k / 2) for k in range(7))
+STROKES = tuple(5e-4 * 2.0 ** (k / 2) for k in range(9))
 """Strokes z_c that are tried [rad, m]; a parabola resolves fractions of their steps."""
 DELAY_STEP_S = 0.005  # step of the delays that are tried [s]
 FOLDS = 5

@@ -236,7 +236,9 @@ of this robot: a URDF has 2000 N·m at a small arm. A wrist alone may hardly be 
 QUANTILES = 400  # candidates of a common λ²: the smallest is a thousandth of the expected one
 
 
-def nuisance_columns(lib: Library, pi: Array, samples: Samples) -> Array:
+def nuisance_columns(
+    lib: Library, pi: Array, samples: Samples, stroke: float = DAHL_STROKE
+) -> Array:
     """Shapes N of the joints, of size 1, (N, n, shapes): each has rows of its joint alone.
 
     A peak at low speed is over the Dahl state ζ of the path, since reversals within the presliding
@@ -249,7 +251,7 @@ def nuisance_columns(lib: Library, pi: Array, samples: Samples) -> Array:
     q, dq = samples.q, samples.dq
     still = np.zeros_like(q)
     load = np.abs(lib.inverse_dynamics(q, still, still, pi))
-    zeta, root = dahl_state(q, DAHL_STROKE), np.sign(dq) * np.sqrt(np.abs(dq))
+    zeta, root = dahl_state(q, stroke), np.sign(dq) * np.sqrt(np.abs(dq))
     for j in range(q.shape[1]):
         line = np.column_stack([zeta[:, j], dq[:, j], np.ones(len(q))])
         root[:, j] = least_squares(line, root[:, j])[1]
@@ -257,7 +259,7 @@ def nuisance_columns(lib: Library, pi: Array, samples: Samples) -> Array:
     each += [zeta * np.sin(q), zeta * np.cos(q), dq * np.sin(q), dq * np.cos(q)]
     each += [load / np.maximum(load.max(axis=0), 1e-12) * np.tanh(dq / SLOW), root]
     each += [zeta * np.exp(-((dq / STRIBECK_SPEED) ** 2))]
-    each += [dahl_state(q, DAHL_STROKE / 2) - dahl_state(q, 2 * DAHL_STROKE)]
+    each += [dahl_state(q, stroke / 2) - dahl_state(q, 2 * stroke)]
     return np.stack(each, axis=2)
 
 
@@ -286,11 +288,16 @@ class NuisanceTorque:
 
 
 def nuisance_of(
-    lib: Library, fit: FreeFit, pi: Array, density: float, with_position: bool = True
+    lib: Library,
+    fit: FreeFit,
+    pi: Array,
+    density: float,
+    with_position: bool = True,
+    stroke: float = DAHL_STROKE,
 ) -> NuisanceTorque:
     """Nuisance torque that the residual of a fit makes likely.
 
-    with_position: also friction that depends on the position.
+    with_position: also friction that depends on the position; stroke z_c of the fit [rad, m].
     """
     samples, n = fit.samples, fit.scale.shape[-1]
     rest = fit.rest.reshape(len(samples), n)
@@ -298,7 +305,7 @@ def nuisance_of(
     errors = list(kept)
     if samples.base is not None or samples.equations != lib.n_joints:
         return NuisanceTorque(kept[0], kept[0], np.zeros(len(kept[0])), mean)
-    columns = nuisance_columns(lib, pi, samples) * (with_position | (KINDS != 2))
+    columns = nuisance_columns(lib, pi, samples, stroke) * (with_position | (KINDS != 2))
     shapes = np.moveaxis(columns * fit.scale[..., None], 1, 0)
     basis = np.moveaxis(fit.basis.reshape(len(samples), n, -1), 1, 0)
     taken, by_row = basis.swapaxes(1, 2) @ shapes, shapes.swapaxes(1, 2)

@@ -86,6 +86,10 @@ class DriveProblem:
         delay, bias = np.split(x, [len(x) - n]) if self.request.bias else (x, np.zeros(n))
         return delay if self.request.delay else self.given, bias
 
+    def used(self, train: Recording) -> Array | float:
+        """1 in rows of the training part that are used, (N, n)."""
+        return sliding(train.required("dq"), train.rate_hz, CLOSE_S) if self.slides else 1.0
+
     @property
     def most_step(self) -> Array:
         """Largest step of x."""
@@ -158,7 +162,7 @@ def linearised_at(
     problem: DriveProblem, result: Identification, x: Array, rough: bool = False
 ) -> feedback.LinearisedDrive:
     """The step to the minimum of the linearised problem."""
-    settings, train = problem.settings, result.train
+    settings = problem.settings
     known = known_friction(result.lib, settings, result.friction.columns, result.friction)
     return feedback.linearised(
         result,
@@ -168,7 +172,7 @@ def linearised_at(
         phi_prior=None if known is None else known.sigma,
         rough=rough,
         known_sigma=problem.sigma,
-        used=sliding(train.required("dq"), train.rate_hz, CLOSE_S) if problem.slides else 1.0,
+        used=problem.used(result.train),
     )
 
 
@@ -260,32 +264,42 @@ def _turns_otherwise(result: Identification) -> bool:
 
 
 def _certified(problem: DriveProblem, x: Array) -> Identification:
-    """The identification next to x, without the bias by feedback, with its certificates."""
+    """The identification next to x, without the bias by feedback, with its certificates.
+
+    Where the loop is not quite that of the model, x alone is corrected, and the step is its error.
+    """
     request, whole = problem.request, replace(problem, slides=False)
-    result, removed = identification_at(whole, x), None
-    c = feedback.feedback_torque(result, problem.split(x)[0], request)
-    if c is not None:
+    result, removed, error = identification_at(problem, x), None, np.zeros(len(x))
+    used, delay = problem.used(result.train), problem.split(x)[0]
+    correction = feedback.feedback_torque(result, delay, request, used)
+    if correction is not None:
+        c, of_links = correction
         removed = (result.train.t, c)
         rough = identification_at(problem.rough(), x, removed)
         most = problem.most_step
-        x = x + np.clip(linearised_at(problem, rough, x).step, -most, most)
+        step = np.clip(linearised_at(problem, rough, x).step, -most, most)
+        x = x + step
+        if problem.slides or not of_links:
+            removed, error = None, step
+    if correction is not None or problem.slides:
         result = identification_at(whole, x, removed)
-    if problem.slides:
+    if problem.slides or error.any():
         rough = identification_at(problem.rough(), x, removed)
-        whole = replace(whole, sigma=linearised_at(problem, rough, x).sigma)
-    step = linearised_at(whole, result, x)
+        sigma = linearised_at(problem, rough, x).sigma
+        whole = replace(whole, sigma=np.hypot(sigma, error))
+    end = linearised_at(whole, result, x)
     delay, bias = problem.split(x)
     delays = len(delay) if request.delay else 0
     empty = np.full(problem.lib.n_joints, np.nan)
     drive = DriveFit(
         delay=x[:delays],
-        delay_sigma=step.sigma[:delays],
+        delay_sigma=end.sigma[:delays],
         bias=bias if request.bias else empty,
-        bias_sigma=step.sigma[delays:] if request.bias else empty,
+        bias_sigma=end.sigma[delays:] if request.bias else empty,
     )
     uncertainty = result.uncertainty
-    if uncertainty is not None and uncertainty.information is not None and step.pi_moved.size:
+    if uncertainty is not None and uncertainty.information is not None and end.pi_moved.size:
         _, system = reduce(uncertainty.information.statistics, problem.lib.n_joints)
-        phi = step.phi_moved - system.slope @ step.pi_moved
-        uncertainty = uncertainty.beside(problem.lib, step.pi_moved, phi)
+        phi = end.phi_moved - system.slope @ end.pi_moved
+        uncertainty = uncertainty.beside(problem.lib, end.pi_moved, phi)
     return replace(result, drive=drive, uncertainty=uncertainty)

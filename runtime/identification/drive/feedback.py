@@ -55,9 +55,9 @@ MOST_ROWS, STRETCHES = 6000, 8  # rows above which only as many, in contiguous s
 _H = 1e-6  # step of a central difference in q [rad, m]: its error is 1e-12 relative, rounding 1e-10
 FEEDBACK = "Removed what the control law makes of the torque noise from τ (drive.feedback)."
 """Sentence in the history of the training part."""
-MOST_RESPONSE = 0.3
+MOST_RESPONSE, LESS = 0.03, (1.0, 0.75, 0.5, 0.25)
 """Response over the motion, both RMS, above which the loop is not that of the robot: it is
-unstable in the model, while the robot moved."""
+unstable in the model, while the robot moved, and less of the delay is tried."""
 _STEP = 1e-4  # step of the slope of friction [rad/s, m/s]: far below every width of a Coulomb sign
 _PRESENT = 1e-2
 """Singular value of unit columns, over the largest, below which a direction is left alone: the
@@ -169,7 +169,7 @@ def linearised(
         basis, left = rows.reshape(rest.size, -1) @ known.root, left.ravel()
         fit = FreeFit(part, scale, known.root, basis, rest.ravel() - left, left, ())
         wider = _widening(result, fit, known.root[-wider.size :], density)
-    if known_sigma is not None and request.delay:
+    if known_sigma is not None:
         wider[: len(known_sigma)] = known_sigma / sigma[first : first + len(known_sigma)]
     moved = moved * wider[:, None]
     return LinearisedDrive(
@@ -186,7 +186,8 @@ def _widening(result: Identification, fit: FreeFit, of_x: Array, density: float)
 
     of_x X (m, p), of noise of the density S.
     """
-    nuisance = nuisance_of(result.lib, fit, result.pi, density)
+    stroke = result.friction.dahl_stroke
+    nuisance = nuisance_of(result.lib, fit, result.pi, density, stroke=stroke)
     lengths = np.linalg.norm(of_x, axis=1)
     along = of_x / np.maximum(lengths, 1e-300)[:, None]
     rest = (fit.rest - nuisance.mean.ravel()).reshape(nuisance.mean.shape)
@@ -206,46 +207,50 @@ def _taken(count: int, rough: bool) -> Integers:
     return np.concatenate([np.arange(start, start + length) for start in starts])
 
 
-def feedback_torque(result: Identification, delay: Array, request: DriveRequest) -> Array | None:
-    """The torque c (N, n) [N·m, N] that is subtracted from that of the training rows."""
+def feedback_torque(
+    result: Identification, delay: Array, request: DriveRequest, used: Array | float = 1.0
+) -> tuple[Array, bool] | None:
+    """The torque c (N, n) [N·m, N] that is subtracted from that of the training rows.
+
+    Beside it, whether it is that of the links, too: the loop is that of the model, whose friction
+    has no memory, and the model has no other error. used (N, n) is 0 in rows that are left out.
+    """
     gains = _gains(result.train.law, result.lib.n_joints)
     posterior = result.uncertainty
-    if posterior is None or posterior.contradictions or posterior.model_errors:
+    if posterior is None or posterior.contradictions:
         return None
     samples, lib = samples_of(result.train, result.lib), result.lib
     terms = result.friction
     # Friction of coupled motors, or that depends on more than the motion.
-    is_of_more = has_memory(terms.columns) or signals_for(terms.columns)
-    if gains is None or samples.acceleration is None or samples.coupling or is_of_more:
+    is_of_more = samples.coupling or signals_for(terms.columns)
+    if gains is None or samples.acceleration is None or is_of_more:
         return None
     rest = samples.tau - samples.rigid(lib, result.pi) - samples.friction(result.phi)
     t, moves = result.train.t, np.zeros((3, *samples.q.shape))
     inertia, slope = _loop(samples, lib, result.pi, result.phi, terms)
-    with np.errstate(over="ignore", invalid="ignore"):  # an unstable loop is refused below
-        for part in segments(t):
-            moves[:, part] = response(
-                t[part],
-                -rest[part],
-                inertia[part],
-                slope[part],
-                gains,
-                np.broadcast_to(delay, (lib.n_joints,)),
-            )
-        size = np.linalg.norm(moves[0])
-    usual = np.linalg.norm(samples.q - samples.q.mean(axis=0))
-    if not (np.isfinite(moves).all() and size < MOST_RESPONSE * usual):
+    most = MOST_RESPONSE * np.linalg.norm(samples.q - samples.q.mean(axis=0))
+    for share in LESS:
+        late = np.broadcast_to(share * delay, (lib.n_joints,))
+        with np.errstate(over="ignore", invalid="ignore"):  # an unstable loop is refused below
+            for part in segments(t):
+                row = t[part], -rest[part], inertia[part], slope[part]
+                moves[:, part] = response(*row, gains, late)
+            if np.isfinite(moves).all() and np.linalg.norm(moves[0]) < most:
+                break
+    else:
         return None
     clean = _moved(samples, -moves, lib, terms)
     taken = np.arange(0, len(samples), -(-len(samples) // MOST_ROWS))
-    scale = np.sqrt(result.weights)
+    scale = (np.sqrt(result.weights) * np.broadcast_to(used, rest.shape))[taken]
     noisy, other = (_rows(result, each, taken, request) for each in (samples, clean))
     if request.bias:  # whose columns hardly depend on the noise
         further = bias_columns(lib, samples.rows(taken), result.pi)
         noisy, other = (np.concatenate([each, further], axis=2) for each in (noisy, other))
-    noisy, difference = noisy * scale[:, None], (noisy - other) * scale[:, None]
+    noisy, difference = noisy * scale[..., None], (noisy - other) * scale[..., None]
     slope = np.einsum("ijk,ij->k", difference, rest[taken] * scale)
-    c = noisy @ posterior_of(noisy, rank=_PRESENT).step(slope) / scale
-    return np.stack([np.interp(t, t[taken], row) for row in c.T], axis=1)
+    c = noisy @ posterior_of(noisy, rank=_PRESENT).step(slope) / np.where(scale > 0, scale, 1.0)
+    of_links = share == 1 and not (has_memory(terms.columns) or posterior.model_errors)
+    return np.stack([np.interp(t, t[taken], row) for row in c.T], axis=1), of_links
 
 
 def response(

@@ -126,6 +126,31 @@ def test_noise_in_the_loop_gives_no_bias(
     assert means["least squares"][0] > 1.5
 
 
+def test_a_loop_that_is_not_that_of_the_model_corrects_the_delay_alone(
+    pendulum: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Property: the delay has no bias, its σ contains the step, and links keep their rows.
+
+    Least squares is 1.2 σ late; 20 % for the noise that the two fits leave.
+    """
+    monkeypatch.setattr(feedback, "has_memory", lambda _: True)
+    logs = noisy_loops(pendulum, 1, noise=0.35)
+    np.savez(tmp_path / "log.npz", kp=[KP], kd=[KD], **logs)  # type: ignore[arg-type]
+    steps = Preparation(filter="butterworth", cutoff_hz=10.0, trim_s=0.3)
+    settings = Settings(preparation=steps, gain_sigma=0)
+    recording = read_recording(tmp_path / "log.npz")
+    result = identify_drive(recording, pendulum, settings, DriveRequest(delay=True))
+    monkeypatch.setattr(feedback, "feedback_torque", lambda *_: None)
+    biased = identify_drive(recording, pendulum, settings, DriveRequest(delay=True)).drive
+    assert result.drive is not None
+    assert biased is not None
+    step = abs(result.drive.delay - biased.delay)
+    assert FEEDBACK not in result.train.history
+    assert abs(result.drive.delay - DELAY - STEP / 2) < biased.delay_sigma
+    assert abs(biased.delay - DELAY - STEP / 2) > biased.delay_sigma
+    assert result.drive.delay_sigma == pytest.approx(np.hypot(step, biased.delay_sigma), rel=0.2)
+
+
 def test_stretches_of_a_long_log_hold_its_information(
     pendulum: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -17,7 +17,6 @@ springs and curves of known stiffness, D the damping of the step. The step is Mu
 equations are those of the kernels, so that such a log does not check them.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,50 +24,41 @@ from numpy.typing import ArrayLike
 
 from runtime.common.optional import optional
 from runtime.errors import SimulationError
-from runtime.library import Array, Library
+from runtime.library import Array, Integers, Library
 from runtime.library.manifest import JointFacts
 from runtime.library.parameters import lam_parts, links
 from runtime.simulation.plant import has_mechanism
 
 
-@dataclass(frozen=True, slots=True)
-class Engine:
+class PlantEngine:
+    """State of a plant in the order of its engine: q, dq, torques and damping of the next step.
+
+    The arrays (n,) are to be written to [rad, m, rad/s, m/s, N·m, N, N·m·s/rad, N·s/m].
+    """
+
+    def __init__(self, name: str, step: float, places: Integers, state: tuple[Array, ...]) -> None:
+        """Take name and version, step of the integrator [s], place of each joint of the library."""
+        self.name, self.step_s, self.places = name, step, places
+        self.q, self.dq, self.applied, self.damping = state
+
+    def sorted(self, values: Array) -> Array:
+        """Values (…, n) in the order of the engine from those of the library."""
+        return np.ascontiguousarray(values[..., np.argsort(self.places)])
+
+    def restored(self, values: Array) -> Array:
+        """Values (…, n) in the order of the library from those of the engine."""
+        return np.ascontiguousarray(values[..., self.places])
+
+
+class Engine(PlantEngine):
     """MuJoCo's model and state of one robot."""
 
-    mujoco: Any  # the Python package
-    model: Any  # model, data: of MuJoCo
-    data: Any
-    places: Array  # index in MuJoCo's q and dq of each joint of the library, (n,)
-
-    @property
-    def name(self) -> str:
-        """Name and version."""
-        return f"mujoco {self.mujoco.__version__}"
-
-    @property
-    def q(self) -> Array:
-        """Positions (n,) [rad, m], to be written to."""
-        return np.asarray(self.data.qpos)
-
-    @property
-    def dq(self) -> Array:
-        """Velocities (n,) [rad/s, m/s], to be written to."""
-        return np.asarray(self.data.qvel)
-
-    @property
-    def applied(self) -> Array:
-        """Torques (n,) [N·m, N] of the next step, to be written to."""
-        return np.asarray(self.data.qfrc_applied)
-
-    @property
-    def damping(self) -> Array:
-        """Damping (n,) [N·m·s/rad, N·s/m] of the next step, to be written to."""
-        return np.asarray(self.model.dof_damping)
-
-    @property
-    def step_s(self) -> float:
-        """Step of the integrator [s]."""
-        return float(self.model.opt.timestep)
+    def __init__(self, mujoco: Any, model: Any, places: Integers) -> None:
+        """Take the Python package and a model of MuJoCo."""
+        data = mujoco.MjData(model)
+        self.mujoco, self.model, self.data = mujoco, model, data
+        state = (data.qpos, data.qvel, data.qfrc_applied, model.dof_damping)
+        super().__init__(f"mujoco {mujoco.__version__}", float(model.opt.timestep), places, state)
 
     def advance(self) -> None:
         """Move the state by one step under the applied torques and the damping."""
@@ -90,14 +80,6 @@ class Engine:
         for unit, column in zip(np.eye(n), columns, strict=True):
             self.mujoco.mj_mulM(self.model, data, column, unit)
         return np.array(np.diagonal(columns))
-
-    def sorted(self, values: Array) -> Array:
-        """Values (…, n) in MuJoCo's order from those of the library."""
-        return np.ascontiguousarray(values[..., np.argsort(self.places)])
-
-    def restored(self, values: Array) -> Array:
-        """Values (…, n) in the order of the library from MuJoCo's."""
-        return np.ascontiguousarray(values[..., self.places])
 
 
 def engine(
@@ -134,7 +116,7 @@ def engine(
         reason = " ".join(str(error).split())
         raise SimulationError(f"MuJoCo refuses the robot '{lib.name}': {reason}") from None
     places = np.array([model.joint(name).dofadr[0] for name in lib.joint_names])
-    return Engine(mujoco, model, mujoco.MjData(model), places)
+    return Engine(mujoco, model, places)
 
 
 def _add_joint(mujoco: Any, body: Any, joint: JointFacts, armature: float, ranges: bool) -> None:
@@ -161,27 +143,16 @@ def _set_inertia(mujoco: Any, body: Any, lam: Array) -> None:
     body.explicitinertial = True
 
 
-class ReducedEngine:
-    """State and step of a plant in the order of the library; for `mujoco_engine.Engine`."""
+class ReducedEngine(PlantEngine):
+    """A plant by the kernels, in the order of the library."""
 
     def __init__(self, lib: Library, pi: Array, rotor: ArrayLike, step: float) -> None:
         """A plant at rest at q = 0."""
         lib.lam_from_pi(pi)  # raises
         n = lib.n_joints
-        self.lib, self.pi, self.step_s = lib, pi, step
+        self.lib, self.pi = lib, pi
         self.rotor = np.broadcast_to(np.asarray(rotor, dtype=float), (n,))
-        self.q, self.dq = np.zeros(n), np.zeros(n)
-        self.damping, self.applied = np.zeros(n), np.zeros(n)
-        self.places: Array = np.array(range(n))
-        self.name = "symgen kernels"
-
-    def sorted(self, values: Array) -> Array:
-        """Values (…, n) as they are."""
-        return np.ascontiguousarray(values)
-
-    def restored(self, values: Array) -> Array:
-        """Values (…, n) as they are."""
-        return np.ascontiguousarray(values)
+        super().__init__("symgen kernels", step, np.arange(n), tuple(np.zeros((4, n))))
 
     def advance(self) -> None:
         """Move the state by one step under the applied torques and the damping."""

@@ -42,7 +42,7 @@ from scipy.linalg import expm
 from runtime.errors import SimulationError
 from runtime.excitation import Trajectory
 from runtime.excitation.motion.trajectory import sample_times
-from runtime.library import Array, Library
+from runtime.library import Array, Integers, Library
 from runtime.recording import Recording
 from runtime.simulation.box_payload import Box, pi_from_pseudo
 from runtime.simulation.plant import SimulatedMotion
@@ -82,7 +82,7 @@ def measured_torque(
 class Encoders:
     """Measured q̂ and dq̂ period by period, for the controller and the log."""
 
-    def __init__(self, sensors: Sensors, noise: Array, period: float, places: Array) -> None:
+    def __init__(self, sensors: Sensors, noise: Array, period: float, places: Integers) -> None:
         """Encoders before the first period."""
         order = np.argsort(places)
         self._noise = noise
@@ -232,7 +232,7 @@ def perturbed(lib: Library, pi: Array, spread: float, rng: np.random.Generator) 
 class SimulatedFriction:
     """The friction of all joints in time; z is its state."""
 
-    def __init__(self, law: VirtualFriction, step: float, places: Array) -> None:
+    def __init__(self, law: VirtualFriction, step: float, places: Integers) -> None:
         """Friction from z = 0, in the order of the engine."""
         order = np.argsort(places)
         self.z = np.zeros(len(order))

@@ -44,7 +44,7 @@ from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.parts import for_part, span_of_part, validation_start
 from runtime.recording.recording import ARRAYS
 from runtime.recording.settings import COLUMNS
-from runtime.recording.streamed import RawRows, StreamedRecording
+from runtime.recording.streamed import StreamedRecording, Tables
 
 BLOCK = 65536  # rows of a block: a minute at 1 kHz, about ten megabytes
 FADING = 30.0  # time constants of the filter in the overlap
@@ -111,12 +111,12 @@ class Blocks:
         for index in indices:
             yield self._stored(index, next(ready)) if index in new else self.prepared(index)
 
-    def _read(self, index: int) -> RawRows:
+    def _read(self, index: int) -> Tables:
         start, stop = self.edges[index], self.edges[index + 1]
         first = max(start - self.overlap, self.edges[0])
         return self.log.numbers(first, min(stop + self.overlap, self.edges[-1]))
 
-    def _prepare(self, index: int, raw: RawRows) -> "tuple[Recording | None, _Memory | None]":
+    def _prepare(self, index: int, raw: Tables) -> "tuple[Recording | None, _Memory | None]":
         window = self.log.recording_of(raw)
         whole = prepare(
             window, replace(self.preparation, rest_speed=None), self.terms, lib=self.lib

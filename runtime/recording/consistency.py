@@ -30,7 +30,15 @@ UNITS_OF_TIME = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "s declared as ms": 1e3}  #
 
 def check_consistency(recording: Recording) -> Recording:
     """The recording, with a warning where Δq/Δt and dq differ; a factor of units is refused."""
-    recording = _note_suspicions(recording)
+    if len(recording) > 1 and not 2.0 <= recording.rate_hz <= 2e4:
+        recording = recording.noted(
+            f"Warning: a rate of {recording.rate_hz:.4g} Hz is unusual; check the unit of time."
+        )
+    reach = float(np.abs(recording.q).max())
+    if reach > 8.0 * np.pi:
+        recording = recording.noted(
+            f"Warning: positions reach {reach:.4g}, more than four turns; check their unit."
+        )
     if recording.dq is None or len(recording) <= 2 * STRIDE:
         return recording
     slopes = slopes_of(recording)
@@ -108,20 +116,6 @@ def unit_of_slopes(slopes: Array, looks: Mapping[str, float]) -> tuple[str, Inte
         if joints.size:
             return unit, joints
     return None
-
-
-def _note_suspicions(recording: Recording) -> Recording:
-    """Add warnings that need no velocity: unusual rates, and angles of many turns."""
-    if len(recording) > 1 and not 2.0 <= recording.rate_hz <= 2e4:
-        recording = recording.noted(
-            f"Warning: a rate of {recording.rate_hz:.4g} Hz is unusual; check the unit of time."
-        )
-    reach = float(np.abs(recording.q).max())
-    if reach > 8.0 * np.pi:
-        recording = recording.noted(
-            f"Warning: positions reach {reach:.4g}, more than four turns; check their unit."
-        )
-    return recording
 
 
 BEYOND_LIMIT = 1.0  # distance beyond a limit from which unit, order or robot is wrong [rad, m]

@@ -27,6 +27,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -351,7 +352,7 @@ def _contacts(file: _File, count: int) -> Contacts:
         wrench[flags == 0] = 0.0
         sensed[flags == 0] = 0.0
 
-    def of_sensors(word: str, wanted: str, *shape: int, zero: bool = True) -> Array | None:
+    def of_sensors(word: str, wanted: str, *shape: int, zero: bool = True) -> Any:
         """Property of the sensors of the vertical forces; None where the log does not state it."""
         key = f"contact_force_z_{word}"
         values = file.optional(key, *shape)
@@ -359,25 +360,15 @@ def _contacts(file: _File, count: int) -> Contacts:
             return None
         if "contact_force_z" not in file or not (values >= 0).all() or not (zero or values.all()):
             raise RecordingError(f"{name}: {key} needs {wanted}; correct or remove it")
-        return values
+        return values if shape else values.item()
 
     beside = "contact_force_z beside"
     sigma = of_sensors("sigma", f"numbers of at least 0 [N] and {beside} them", size)
     sharing = of_sensors("sharing", f"a number of at least 0 and {beside} it")
     crosstalk = of_sensors("crosstalk", f"two numbers of at least 0 [1/m] and {beside} them", 2)
     cutoff = of_sensors("cutoff", f"a number above 0 [Hz] and {beside} it", zero=False)
-    return Contacts(
-        links,
-        position,
-        wrench,
-        axes,
-        sigma,
-        None if sharing is None else sharing.item(),
-        crosstalk,
-        None if cutoff is None else cutoff.item(),
-        sensed,
-        "contact_flags" in file,
-    )
+    is_stated, sensors = "contact_flags" in file, (sigma, sharing, crosstalk, cutoff)
+    return Contacts(links, position, wrench, axes, *sensors, sensed, is_stated)
 
 
 def _require_distinct(links: tuple[str, ...], position: Array, name: str) -> None:
@@ -423,7 +414,11 @@ def _pose(file: _File, count: int) -> tuple[Array, Array]:
                 f"base_rpy; {missing[0]} is missing"
             )
         return _rotation(file, count), file.numbers("base_position", count, 3)
-    rotation, position = _from_pose(file, count)
+    pose = file.numbers("base_pose", count, *np.shape(file.arrays["base_pose"])[1:])
+    try:
+        rotation, position = rotation_and_position(pose)
+    except ShapeError as error:
+        raise RecordingError(f"{file.name}, base_pose: {error}") from None
     differences: dict[str, float] = {}
     if "base_rpy" not in missing:
         differences["base_rpy"] = np.abs(_rotation(file, count) - rotation).max()
@@ -448,11 +443,3 @@ def _rotation(file: _File, count: int) -> Array:
             "convert degrees to rad"
         )
     return np.asarray(Rotation.from_euler("xyz", rpy).as_matrix())
-
-
-def _from_pose(file: _File, count: int) -> tuple[Array, Array]:
-    pose = file.numbers("base_pose", count, *np.shape(file.arrays["base_pose"])[1:])
-    try:
-        return rotation_and_position(pose)
-    except ShapeError as error:
-        raise RecordingError(f"{file.name}, base_pose: {error}") from None

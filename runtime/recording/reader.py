@@ -142,23 +142,20 @@ def read_raw(
 def recording_of(raw: Raw) -> Recording:
     """Recording with the units, signs, order and gear of the plan, without further checks."""
     names = raw.names.get("column_names", ()) if "columns" in raw.tables else ()
-    data = converted(raw.plan, raw.tables, len(names))
-    recording = Recording(
-        t=data.t,
-        **data.signals,
+    recording = converted(
+        raw.plan,
+        raw.tables,
         column_names=names,
         motors=raw.motors,
         name=raw.name,
         joint_names=raw.plan.joints or raw.names.get("joint_names", ()),
         source=raw.source,
         recipe=raw.recipe,
-        torque_source=raw.plan.torque_source,
-        law=raw.plan.law,
     )
     rate = f" at {recording.rate_hz:.6g} Hz (median)" if len(recording) > 1 else ""
     size = f"{len(recording)} rows of {recording.n_joints} joints{rate}"
     history = (*raw.names.get("history", ()), f"Read {size} from {', '.join(raw.source)}.")
-    return recording.replace(history=(*history, *raw.remarks, *data.notes, *raw.pins))
+    return recording.replace(history=(*history, *raw.remarks, *recording.history, *raw.pins))
 
 
 def plan_of(

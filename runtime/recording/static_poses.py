@@ -6,8 +6,6 @@ Coulomb friction has opposite signs after two approaches from opposite sides, so
 the mean. The rows have dq = ddq = 0 and contain gravity alone.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from runtime.library import Array
@@ -26,16 +24,6 @@ SHARE = 0.3  # share of the log that the arm rests, below which the log is one o
 FEWEST_PAIRS = 3  # number of pairs from which on a log is one of poses
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Visit:
-    """Means over one rest, and the displacement of the approach."""
-
-    t: float
-    q: Array
-    tau: Array
-    approach: Array
-
-
 def static_poses(recording: Recording) -> Recording | None:
     """One row per pose that was reached from both sides."""
     if recording.tau is None or recording.columns is not None or len(recording) < 10:
@@ -43,17 +31,16 @@ def static_poses(recording: Recording) -> Recording | None:
     still = _still(recording)
     if still.mean() < SHARE:
         return None
-    visits = _visits(recording, still)
-    pairs = _pairs(visits)
+    ends, rests, torques, approaches = _visits(recording, still)
+    pairs = _pairs(rests, approaches)
     if len(pairs) < FEWEST_PAIRS:
         return None
-    first, second = ([visits[pair[k]] for pair in pairs] for k in range(2))
-    q = np.array([(a.q + b.q) / 2 for a, b in zip(first, second, strict=True)])
-    tau = np.array([(a.tau + b.tau) / 2 for a, b in zip(first, second, strict=True)])
-    t, still_rows = np.array([b.t for b in second]), np.zeros_like(q)
-    return recording.replace(t=t, q=q, dq=still_rows, ddq=still_rows, tau=tau).noted(
+    first, second = np.array(pairs).T
+    q, tau = ((each[first] + each[second]) / 2 for each in (rests, torques))
+    at_rest = np.zeros_like(q)
+    return recording.replace(t=ends[second], q=q, dq=at_rest, ddq=at_rest, tau=tau).noted(
         f"Took {len(pairs)} poses that were reached from both sides, each the mean of two rests; "
-        f"{len(visits) - 2 * len(pairs)} of {len(visits)} rests belong to no pair."
+        f"{len(rests) - 2 * len(pairs)} of {len(rests)} rests belong to no pair."
     )
 
 
@@ -67,8 +54,11 @@ def _still(recording: Recording) -> np.ndarray:
     return np.asarray(speed < REST_SPEED)
 
 
-def _visits(recording: Recording, still: np.ndarray) -> list[_Visit]:
-    """Rests of at least `LEAST_S`, in the order of time."""
+def _visits(recording: Recording, still: np.ndarray) -> tuple[Array, Array, Array, Array]:
+    """Last instants (v,), means of q and τ, displacements of the approach, (v, n), in order.
+
+    Of the rests of at least `LEAST_S`.
+    """
     t, q, tau = recording.t, recording.q, recording.required("tau")
     visits = []
     for first, end in runs(still):
@@ -76,16 +66,16 @@ def _visits(recording: Recording, still: np.ndarray) -> list[_Visit]:
             continue
         mean = q[first:end].mean(axis=0)
         before = int(np.searchsorted(t, t[first] - APPROACH_S))
-        rest = tau[first:end].mean(axis=0)
-        visits.append(_Visit(float(t[end - 1]), mean, rest, mean - q[before]))
-    return visits
+        visits.append((t[end - 1], mean, tau[first:end].mean(axis=0), mean - q[before]))
+    ends, *others = zip(*visits, strict=True) if visits else ([],) * 4
+    rests, torques, approaches = (np.reshape(each, (-1, q.shape[1])) for each in others)
+    return np.array(ends), rests, torques, approaches
 
 
-def _pairs(visits: list[_Visit]) -> list[tuple[int, int]]:
+def _pairs(q: Array, approach: Array) -> list[tuple[int, int]]:
     """Visits of one pose from opposite sides, the closest first; each belongs to one pair."""
-    if not visits:
+    if not len(q):
         return []
-    q, approach = (np.array([getattr(each, key) for each in visits]) for key in ("q", "approach"))
     is_far = np.abs(approach).min(axis=1) > LEAST_TRAVEL
     # Along the joint of the widest range, visits of one pose are neighbours of the sorted ones.
     widest = int(np.argmax(np.ptp(q, axis=0)))

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from threading import Lock
 
@@ -20,16 +21,8 @@ from runtime.recording.recipes.recipe import UNITS, Recipe, Signal, Time
 from runtime.recording.recording import Recording
 from runtime.recording.unit_conversion import converted, scaled
 
+Tables = dict[str, LogTable]  # kind of signal → rows in the units of the file
 LARGE = 200_000_000  # size of a file above which a log is streamed by default [bytes]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RawRows:
-    """Consecutive rows of a log in the units of its files."""
-
-    start: int  # first row
-    stop: int  # one past the last row
-    values: dict[str, Array]  # kind of signal → (stop − start, m)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,30 +48,27 @@ class StreamedRecording:
         """Rows start … stop − 1 as a recording; corrupt rows among them are dropped and noted."""
         return self.recording_of(self.numbers(start, stop))
 
-    def numbers(self, start: int, stop: int) -> "RawRows":
+    def numbers(self, start: int, stop: int) -> Tables:
         """Rows start … stop − 1 as they lie in the files, read by one thread at a time."""
-        stop = min(stop, self.rows)
+        lines = np.arange(start, min(stop, self.rows), dtype=np.int64)
         with self.one_at_a_time:  # a file has one place, which another thread would move
-            values = {kind: v for rows in self.files for kind, v in rows.read(start, stop).items()}
-        return RawRows(start, stop, values)
+            read = [each.read(start, start + len(lines)).items() for each in self.files]
+        parts = sorted(chain.from_iterable(read), key=lambda part: part[0] != "time")
+        return {kind: LogTable(values, lines) for kind, values in parts}
 
-    def recording_of(self, raw: "RawRows") -> Recording:
+    def recording_of(self, tables: Tables) -> Recording:
         """Usable rows in SI units and on the joint side; any thread may convert its rows."""
-        lines = np.arange(raw.start, raw.stop, dtype=np.int64)
-        parts = sorted(raw.values.items(), key=lambda part: part[0] != "time")  # time first
-        tables = {kind: LogTable(values, lines) for kind, values in parts}
-        data = converted(self.plan, tables, first_row=raw.start, origin=self.origin)
-        recording = Recording(
-            t=data.t,
-            **data.signals,
+        recording = converted(
+            self.plan,
+            tables,
+            first_row=int(next(iter(tables.values())).lines[0]),
+            origin=self.origin,
             start=self.start,
             name=self.name,
             joint_names=self.joint_names,
             source=self.source,
             recipe=self.recipe,
-            torque_source=self.plan.torque_source,
-            law=self.plan.law,
-            history=(*self.remarks, *data.notes),
+            history=self.remarks,
         )
         if self.bias is not None:
             recording = recording.replace(q=recording.q + self.bias)

@@ -3,7 +3,6 @@
 The order of the steps from a number in a file to a joint angle is that of `recipe`.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,23 +23,18 @@ HUGE_TIME = 1e20  # nanoseconds since 1970 are 2e18
 INSTANT = 1e-7  # rounding of instants [s], those of 1970 included
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Converted:
-    """Time and signals of a recording."""
-
-    t: Array  # (N,) s
-    signals: dict[str, Any]  # q, dq, ddq, tau if any, columns (N, n, k), further signals
-    notes: tuple[str, ...]  # sentences
-
-
 def converted(
     plan: Recipe,
     raw: dict[str, LogTable],
-    n_columns: int = 0,
     first_row: int = 0,
     origin: float | None = None,
-) -> Converted:
-    """The usable rows of all tables in SI units and on the joint side, as the recipe states."""
+    history: tuple[str, ...] = (),
+    **facts: Any,
+) -> Recording:
+    """The usable rows of all tables in SI units and on the joint side, as the recipe states.
+
+    facts: further fields of the recording.
+    """
     keep, dropped = usable_rows(raw)
     t, notes = _time(plan.time, raw, keep, first_row, origin)
     signals: dict[str, Any] = {}
@@ -62,11 +56,14 @@ def converted(
         rows = _kept(raw[f"extra.{name}"].values, keep)
         signals[f"extra.{name}"] = _extra(name, signal, rows, signals["q"].shape[1])
     if "columns" in raw:
-        signals["columns"] = raw["columns"].values[keep].reshape(len(t), -1, max(n_columns, 1))
+        width = max(len(facts["column_names"]), 1)
+        signals["columns"] = raw["columns"].values[keep].reshape(len(t), -1, width)
     t, signals, repeated = _without_repeats(t, signals)
     t, signals, omitted = _without_intervals(t, signals, plan.leave_out)
     signals["signals"] = {name: signals.pop(f"extra.{name}") for name in plan.extra}
-    return Converted(t, signals, (*dropped, *notes, *steps, *repeated, *omitted))
+    facts |= {"torque_source": plan.torque_source, "law": plan.law}
+    said = (*history, *dropped, *notes, *steps, *repeated, *omitted)
+    return Recording(t, **signals, **facts, history=said)
 
 
 def usable_rows(raw: dict[str, LogTable]) -> tuple[Integers, list[str]]:

@@ -6,7 +6,7 @@ state.q[0] …, with the time in ms.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import IO, Any
 
@@ -60,9 +60,6 @@ class TextReader(log_format.LogReader):
 
         Returns:
             Table of (N, m) numbers.
-
-        Raises:
-            RecordingError: no columns are named, or they are not in the file.
         """
         text, columns = self.text(), part.columns
         if not columns or columns == ("",):
@@ -74,9 +71,15 @@ class TextReader(log_format.LogReader):
         return text_tables.csv_table(text, columns, self.raw.name)
 
     def rows(self, parts: Mapping[str, Signal | Time]) -> log_format.LogRows:
-        """Rows of the columns, parsed once."""
+        """Rows of the columns, parsed once into a spool; a corrupt line is NaN."""
         log_format.require_whole_columns(parts, self.raw.name)
-        return _spooled(self.raw.hashed(), {kind: part.columns for kind, part in parts.items()})
+        path, columns = self.raw.hashed(), [part.columns for part in parts.values()]
+        ends = np.cumsum([0, *map(len, columns)])
+        places = {kind: slice(a, b) for kind, a, b in zip(parts, ends, ends[1:], strict=False)}
+        spool = Spool(path.name)
+        for values in _parsed(path, tuple(chain.from_iterable(columns))):
+            spool.append(values)
+        return SpooledRows(spool, int(ends[-1]), places)
 
     def head(self) -> list[list[str]]:
         """Cells of the first lines that are not blank."""
@@ -95,16 +98,6 @@ class FlatReader(TextReader):
     def table(self, kind: str, part: Signal | Time) -> LogTable:
         """Numbers of the file, `width` per sample."""
         return text_tables.flat_table(self.text(), part.width, self.raw.name)
-
-
-def _spooled(path: Path, kinds: Mapping[str, Columns]) -> SpooledRows:
-    """Columns of a CSV as rows of numbers, parsed once into a spool; a corrupt line is NaN."""
-    ends = np.cumsum([0, *(len(columns) for columns in kinds.values())])
-    places = {kind: slice(a, b) for kind, a, b in zip(kinds, ends, ends[1:], strict=False)}
-    spool = Spool(path.name)
-    for values in _parsed(path, tuple(column for each in kinds.values() for column in each)):
-        spool.append(values)
-    return SpooledRows(spool, int(ends[-1]), places)
 
 
 def _parsed(path: Path, columns: Columns) -> Iterator[Array]:

@@ -28,21 +28,12 @@ _OLD_MATLAB = b"MATLAB 5.0"
 
 
 class HdfLog:
-    """Arrays of an HDF5 file, which is opened for every access and closed after it.
-
-    Attributes:
-        path: of the file.
-        shapes: path of each array of real numbers → shape, (rows, columns) or (rows,).
-        links: paths of the links that are not followed.
-
-    Raises:
-        RecordingError: no HDF5, truncated, or too many objects.
-    """
+    """Arrays of an HDF5 file, which is opened for every access and closed after it."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.shapes: dict[str, tuple[int, ...]] = {}
-        self.links: set[str] = set()
+        self.shapes: dict[str, tuple[int, ...]] = {}  # of real numbers, (rows, columns) or (rows,)
+        self.links: set[str] = set()  # not followed
         self._others: set[str] = set()
         self._groups: set[int] = set()
         with self._opened() as file:
@@ -157,11 +148,7 @@ class HdfLog:
 
 
 class HdfRows:
-    """Rows of several arrays of a file that stays where it is.
-
-    Raises:
-        RecordingError: an array cannot be read, or the arrays have different numbers of rows.
-    """
+    """Rows of several arrays of a file that stays where it is."""
 
     def __init__(self, log: HdfLog, kinds: Mapping[str, str]) -> None:
         self._log, self._kinds = log, dict(kinds)

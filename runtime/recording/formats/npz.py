@@ -163,15 +163,7 @@ def texts_in_place(path: Path, keys: Sequence[str]) -> dict[str, tuple[str, ...]
 
 
 class NpzRows:
-    """Arrays of an NPZ that `numpy.savez` has written, read where they lie.
-
-    Attributes:
-        keys: names of all arrays.
-        shapes: (N, m) of those that can be read in place; m = 1 for a vector.
-
-    Raises:
-        RecordingError: compressed, damaged, or no NPZ.
-    """
+    """Arrays of an NPZ that `numpy.savez` has written, read where they lie."""
 
     def __init__(self, path: Path, kinds: Mapping[str, str] | None = None) -> None:
         self.path, self.kinds = path, dict(kinds or {})
@@ -185,7 +177,7 @@ class NpzRows:
                 "not an NPZ; copy or export it again"
             ) from error
         self.keys = tuple(located)
-        self.shapes: dict[str, tuple[int, ...]] = {
+        self.shapes: dict[str, tuple[int, ...]] = {  # of those that can be read in place
             key: (at.rows, at.width) for key, at in located.items() if at is not None
         }
         self._arrays = {kind: self._usable(located, key) for kind, key in self.kinds.items()}

@@ -32,11 +32,7 @@ BUFFER = 2**16  # size in which a column is read [bytes]; without it pyarrow hol
 
 
 class ParquetLog:
-    """An open Parquet file.
-
-    Raises:
-        RecordingError: no Parquet, truncated, or far larger decoded than any log.
-    """
+    """An open Parquet file."""
 
     def __init__(self, path: Path) -> None:
         self.name = path.name

@@ -62,17 +62,12 @@ def no_room(name: str, reason: str | None) -> RecordingError:
 
 
 class Spool:
-    """Sequence of numbers in a temporary file, which stays in memory while it is small.
+    """Sequence of numbers in a temporary file, which stays in memory while it is small."""
 
-    Args:
-        name: of the log, for messages.
-    """
-
-    SMALL = 2**24
-    """Largest size that stays in memory [bytes]."""
+    SMALL = 2**24  # largest size that stays in memory [bytes]
 
     def __init__(self, name: str) -> None:
-        self._name = name
+        self._name = name  # of the log, for messages
         self._file = tempfile.SpooledTemporaryFile(self.SMALL, prefix="symgen-")  # noqa: SIM115
         weakref.finalize(self, self._file.close)
         self.size = 0

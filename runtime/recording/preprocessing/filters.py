@@ -6,7 +6,6 @@ the same filter. `lagged` has the phase of a sensor instead.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from math import gamma
 from types import ModuleType
 
@@ -31,15 +30,6 @@ def scipy_signal() -> ModuleType:
     return scipy.signal
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Butterworth:
-    """A low-pass for one clock."""
-
-    sections: Array  # second-order sections
-    padding: int  # rows of odd extension: ten time constants of the slowest pole
-    minimum: int  # rows of the shortest segment
-
-
 def is_filtered(history: Iterable[str]) -> bool:
     """Whether one of these filters is among the steps; those of joined logs begin with "LOG: "."""
     return any(
@@ -60,23 +50,25 @@ def low_pass(
 
     This is the analogue form; the digital one bends frequencies close to half the rate.
     """
-    design = _butterworth(recording, cutoff_hz, order)
+    sections, extension = _butterworth(recording, cutoff_hz, order)
+    shortest = 3 * (order + 1)
     both_directions = scipy_signal().sosfiltfilt
 
     def smooth(values: Array) -> Array:
-        smoothed, padding = np.empty_like(values, order="C"), min(design.padding, len(values) - 1)
+        smoothed, padding = np.empty_like(values, order="C"), min(extension, len(values) - 1)
         flat, out = (each.reshape(len(values), -1) for each in (values, smoothed))
         width = max(1, AT_ONCE // len(values))
         for k in range(0, flat.shape[1], width):
             some = flat[:, k : k + width]
-            out[:, k : k + width] = both_directions(design.sections, some, axis=0, padlen=padding)
+            out[:, k : k + width] = both_directions(sections, some, axis=0, padlen=padding)
         return smoothed
 
     sentence = f"Low-passed at {cutoff_hz:g} Hz (Butterworth of order {order}, both directions)."
-    return _per_segment(recording, smooth, design.minimum, sentence, only)
+    return _per_segment(recording, smooth, shortest, sentence, only)
 
 
-def _butterworth(recording: Recording, cutoff_hz: float, order: int) -> Butterworth:
+def _butterworth(recording: Recording, cutoff_hz: float, order: int) -> tuple[Array, int]:
+    """Second-order sections, and rows of odd extension: ten time constants of the slowest pole."""
     step = uniform_step(recording, "low-pass")
     if not 0.0 < cutoff_hz * step < 0.499:
         raise RecordingError(
@@ -89,8 +81,7 @@ def _butterworth(recording: Recording, cutoff_hz: float, order: int) -> Butterwo
             f"{cutoff_hz:g} Hz; raise it, or state the unit of time"
         )
     sections = butterworth_sections(order, cutoff_hz * 2.0 * step)
-    minimum = 3 * (order + 1)
-    return Butterworth(sections, max(int(np.ceil(4.0 / (cutoff_hz * step))), minimum), minimum)
+    return sections, max(int(np.ceil(4.0 / (cutoff_hz * step))), 3 * (order + 1))
 
 
 def filter_inflation(steps: Preparation, rate_hz: float) -> float:

@@ -51,18 +51,10 @@ def require_twist(given: Array, expected: Array, turn: Array, t: Array, name: st
     others = {reordered: _reordered(turn, t), inverse: -_turned(turn, angular)}
     _require(given[:, 3:], angular, others, f"{name}: base_pose")
     swapped = "holds the other half, expected velocity, then angular velocity; swap the halves"
-    _require(
-        given[:, :3],
-        linear,
-        {_WORLD: _turned(turn, linear), swapped: angular},
-        f"{name}: base_twist[:, :3]",
-    )
-    _require(
-        given[:, 3:],
-        angular,
-        {_WORLD: _turned(turn, angular), swapped: linear},
-        f"{name}: base_twist[:, 3:]",
-    )
+    halves = {":3": (given[:, :3], linear, angular), "3:": (given[:, 3:], angular, linear)}
+    for half, (stated, here, other) in halves.items():
+        others = {_WORLD: _turned(turn, here), swapped: other}
+        _require(stated, here, others, f"{name}: base_twist[:, {half}]")
 
 
 def require_acceleration(
@@ -83,12 +75,8 @@ def require_acceleration(
         swapped: angular,
     }
     _require(given[:, :3], linear, others, f"{name}: base_acceleration[:, :3]")
-    _require(
-        given[:, 3:],
-        angular,
-        {_WORLD: _turned(turn, angular), swapped: linear},
-        f"{name}: base_acceleration[:, 3:]",
-    )
+    others = {_WORLD: _turned(turn, angular), swapped: linear}
+    _require(given[:, 3:], angular, others, f"{name}: base_acceleration[:, 3:]")
 
 
 _WORLD = "is in axes of the world, expected those of the base; multiply it by Rᵀ"

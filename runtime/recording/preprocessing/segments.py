@@ -169,16 +169,12 @@ def differentiate(recording: Recording, from_position: bool = False) -> Recordin
     """
     require_recording(recording)
     result = recording
-    if from_position or recording.dq is None:
-        result = without_short(result, 3)
-        result = result.replace(dq=slopes(result.t, result.q)).noted(
-            "Differentiated q to dq by central differences."
-        )
-    if from_position or recording.ddq is None:
-        result = without_short(result, 3)
-        result = result.replace(ddq=slopes(result.t, result.required("dq"))).noted(
-            "Differentiated dq to ddq by central differences."
-        )
+    for base, key in (("q", "dq"), ("dq", "ddq")):
+        if from_position or getattr(recording, key) is None:
+            result = without_short(result, 3)
+            result = result.replace(**{key: slopes(result.t, result.required(base))}).noted(
+                f"Differentiated {base} to {key} by central differences."
+            )
     return result
 
 

@@ -53,7 +53,7 @@ def test_streamed_columns_are_copied_once(tmp_path):
     for kind, key in (("position", "q"), ("velocity", "dq"), ("torque", "tau")):
         values = getattr(part, key)
         assert np.array_equal(values, getattr(whole, key)[30:330])
-        assert np.shares_memory(values, raw.values[kind])
+        assert np.shares_memory(values, raw[kind].values)
         assert values.flags.f_contiguous
         assert not values.flags.writeable
     pq.write_table(pa.table(lists()), tmp_path / "lists.parquet", row_group_size=77)

@@ -185,10 +185,5 @@ MOTION_FORMATS = Registry(  # file formats of a motion by name
     "symgen.motion_formats",
     MotionFormat,
     "format of motions",
-    {
-        "csv": f"{__name__}:CSV",
-        "npz": f"{__name__}:NPZ",
-        "ros": f"{__name__}:ROS",
-        "libfranka": f"{__name__}:LIBFRANKA",
-    },
+    {name.lower(): f"{__name__}:{name}" for name in ("CSV", "NPZ", "ROS", "LIBFRANKA")},
 )

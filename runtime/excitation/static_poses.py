@@ -26,7 +26,7 @@ from runtime.common.files import json_text
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.limit_rows import DEFAULT_RANGE
-from runtime.excitation.limits.safety import Safety
+from runtime.excitation.limits.safety import Safety, require_share
 from runtime.library import Array, Indices, Library
 
 SIDES = {"below": -1.0, "above": 1.0}  # side of the approach to a pose → sign of its start
@@ -125,11 +125,7 @@ class PoseRange:
 
 def pose_range(lib: Library, margin: float = 1.0) -> PoseRange:
     """Range of the poses: position limits shrunk by margin and approach."""
-    if not 0 < margin <= 1:
-        raise IdentificationError(
-            f"a margin above 0 and up to 1 is needed, got {margin:g}; 0.95 leaves 5 % of the range "
-            "unused"
-        )
+    require_share(margin, "a margin", "the range unused")
     limits = lib.limits()
     lower = np.where(np.isfinite(limits["lower"]), limits["lower"], lib.home - DEFAULT_RANGE)
     upper = np.where(np.isfinite(limits["upper"]), limits["upper"], lib.home + DEFAULT_RANGE)

@@ -26,11 +26,11 @@ from runtime.excitation.limits.dependent_joints import KINDS as DEPENDENT
 from runtime.excitation.limits.distance_limits import use_of
 from runtime.excitation.limits.limit_rows import DEFAULT_ACCELERATION
 from runtime.excitation.limits.nonlinear_limits import Braking, Constraint
-from runtime.excitation.limits.safety import Safety
+from runtime.excitation.limits.safety import Safety, require_share
 from runtime.excitation.motion.family import Spline
 from runtime.excitation.motion.trajectory import GAP, Trajectory, end_of
 from runtime.excitation.proof.bounds import KINDS
-from runtime.excitation.proof.certificate import PLACES, Certificate, certificate_of
+from runtime.excitation.proof.certificate import PLACES, certificate_of
 from runtime.excitation.search.design_settings import LONGEST
 from runtime.library import Array, Library, Mask
 
@@ -225,11 +225,7 @@ def way_to(
     seed: int = 0,
 ) -> Way:
     """A certified motion from one pose to another, (n,) [rad, m] each."""
-    if not 0 < share <= 1:
-        raise IdentificationError(
-            f"a way may use a share of the limits above 0 and up to 1, got {share:g}; 0.95 leaves "
-            "5 % to the controller"
-        )
+    require_share(share, "a share of the limits", "every limit to the controller")
     start, end = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
     poses = FreePoses(lib, safety, np.array([start, end]))
     if np.abs(end - start).max() <= GAP:
@@ -311,21 +307,15 @@ def _certified(lib: Library, moved: Trajectory, safety: Safety, share: float) ->
     for _ in range(_ATTEMPTS):
         if timed.duration > LONGEST:
             return None
-        use = _use(certificate_of(lib, timed, safety), share)
-        if use is None:
+        certificate = certificate_of(lib, timed, safety)
+        uses = [use.bound / (share if use.kind in TIMED else 1.0) for use in certificate.uses]
+        # A longer duration keeps no limit of places.
+        if any(use.kind in PLACES for use in certificate.broken) or not np.isfinite(uses).all():
             return None
-        if use <= 1:
+        if max(uses) <= 1:
             return timed
-        timed = replace(timed, duration=timed.duration * float(np.clip(use, *_SLOWER)))
+        timed = replace(timed, duration=timed.duration * float(np.clip(max(uses), *_SLOWER)))
     return None
-
-
-def _use(certificate: Certificate, share: float) -> float | None:
-    """Largest use of the limits that a longer duration keeps; None where another is exceeded."""
-    if any(use.kind in PLACES for use in certificate.broken):
-        return None
-    uses = [use.bound / (share if use.kind in TIMED else 1.0) for use in certificate.uses]
-    return max(uses) if np.isfinite(uses).all() else None
 
 
 def _least_duration(lib: Library, moved: Trajectory, share: float) -> float:

@@ -53,10 +53,11 @@ class Limits:
         end = duration / 2 if basis.is_symmetric else duration
         t = np.linspace(0, end, int(np.ceil(end / step)) + 1)
         phi = basis.at(lib, harmonics, t, duration)
-        self._up, self._down = share * (upper - home), share * (home - lower)
-        self._rows = {"position": phi[..., 0], "velocity": phi[..., 1]}
-        self._rows["acceleration"] = phi[..., 2]
-        self._bounds = {"velocity": share * speed, "acceleration": share * accel}
+        self._kinds = {
+            "position": (phi[..., 0], share * (upper - home), share * (home - lower)),
+            "velocity": (phi[..., 1], share * speed, share * speed),
+            "acceleration": (phi[..., 2], share * accel, share * accel),
+        }
 
     def _or(
         self, values: Array, missing: float | Array, what: str, lib: Library, described: str = ""
@@ -70,23 +71,20 @@ class Limits:
 
     def use(self, a: Array) -> dict[str, Array]:
         """Largest |value| over the share of the limit, per joint (n,), for each kind of limit."""
-        q = self._rows["position"] @ a.T
-        shares = {"position": np.maximum((q / self._up).max(0), (-q / self._down).max(0))}
-        for kind, bound in self._bounds.items():
-            shares[kind] = np.abs(self._rows[kind] @ a.T).max(0) / bound
+        shares = {}
+        for kind, (rows, up, down) in self._kinds.items():
+            values = rows @ a.T
+            shares[kind] = np.maximum((values / up).max(0), (-values / down).max(0))
         return shares
 
     def inequalities(self) -> tuple[Array, Array]:
         """All limits as A vec(a) ≤ b: A (rows, n M) and b of ones."""
-        blocks, n = [], len(self._up)
-        for kind, rows in self._rows.items():
-            pairs = [(self._up, rows), (self._down, -rows)]
-            if kind != "position":
-                pairs = [(self._bounds[kind], rows), (self._bounds[kind], -rows)]
-            for bound, signed in pairs:
-                for j in range(n):
-                    block = np.zeros((len(rows), n, rows.shape[1]))
-                    block[:, j] = signed / bound[j]
+        blocks = []
+        for rows, up, down in self._kinds.values():
+            for bound, signed in ((up, rows), (down, -rows)):
+                for j, limit in enumerate(bound):
+                    block = np.zeros((len(rows), len(bound), rows.shape[1]))
+                    block[:, j] = signed / limit
                     blocks.append(block.reshape(len(rows), -1))
         matrix = np.vstack(blocks)
         matrix = matrix[np.abs(matrix).max(axis=1) > 0]

@@ -55,11 +55,7 @@ class Safety:
         return " and ".join(stated)
 
     def __post_init__(self) -> None:
-        if not 0 < self.torque_fraction <= 1:
-            raise IdentificationError(
-                f"a torque fraction above 0 and up to 1 is needed, got {self.torque_fraction:g}; "
-                "0.95 leaves 5 % of the effort limit unused"
-            )
+        require_share(self.torque_fraction, "a torque fraction", "the effort limit unused")
         if self.clearance is not None and not 0 <= self.clearance < np.inf:
             raise IdentificationError(
                 f"a clearance from 0 m up is needed, got {self.clearance:g}; 0.02 is usual"
@@ -82,6 +78,14 @@ class Safety:
                 raise IdentificationError(
                     f"{name} needs finite numbers from 0 up, got {values.tolist()}"
                 )
+
+
+def require_share(share: float, what: str, left: str) -> None:
+    """Refuse a number that is no share above 0 and up to 1."""
+    if not 0 < share <= 1:
+        raise IdentificationError(
+            f"{what} above 0 and up to 1 is needed, got {share:g}; 0.95 leaves 5 % of {left}"
+        )
 
 
 def _check_box(box: tuple[float, ...]) -> None:

@@ -170,10 +170,7 @@ def _relative_weights(lib: Library, information: Information) -> Array:
 
 def _torque_weights(lib: Library, home: Array, information: Information) -> Array:
     """Q, (k, k), with which tr(Q G⁻¹) is the mean square of |Y_b δβ| over unseen motions."""
-    seen = unseen_torque(lib, home)
-    if information.columns is None:
-        return seen
-    return np.asarray(information.columns.T @ seen @ information.columns)
+    return information.of_unknowns(unseen_torque(lib, home))
 
 
 def sizes(lib: Library, information: Information) -> Array:

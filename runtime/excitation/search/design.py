@@ -259,7 +259,7 @@ def design(
     except KeyboardInterrupt:
         if not ended:
             raise
-    return _design(lib, search, settings, ended, _best(lib, search, ended))
+    return _design(search, ended)
 
 
 def excite(
@@ -310,23 +310,21 @@ def _started(
     return side_by_side(sent, tasks, processes)
 
 
-def _best(lib: Library, search: Search, ended: Ended) -> Finished:
+def _best(search: Search, ended: Ended) -> Finished:
     """First start, in the given order, that can be finished."""
     failure = None
     for a in in_order(search, [ended[number] for number in sorted(ended)]):
         try:
-            return finished(lib, search, a)
+            return finished(search, a)
         except IdentificationError as error:
             failure = failure or error
     raise failure or IdentificationError("no start has ended")
 
 
-def _design(
-    lib: Library, search: Search, settings: DesignSettings, ended: Ended, best: Finished
-) -> Design:
-    """The finished motion beside the condition numbers of all searches."""
-    basis = settings.basis
-    shape = (lib, search.home, basis.size(settings.harmonics))
+def _design(search: Search, ended: Ended) -> Design:
+    """The best start, finished, beside the condition numbers of all searches."""
+    settings, basis, best = search.settings, search.basis, _best(search, ended)
+    shape = (search.lib, search.home, basis.size(settings.harmonics))
     # Repairs may lengthen the motion: the starts keep the duration that they were searched with.
     durations = settings.duration, best.trajectory.duration
     starts_cost, cost = (ConditionCost(*shape, duration, basis) for duration in durations)
@@ -345,7 +343,7 @@ def _design(
         values=tuple(float(np.exp(ended[number][0])) for number in starts),
         unit=search.criterion.unit,
         safety=settings.safety,
-        unchecked=unchecked(lib, settings.safety),
+        unchecked=unchecked(search.lib, settings.safety),
         variations=tuple(
             condition(number) for number in sorted(ended) if number >= settings.starts
         ),
@@ -391,10 +389,8 @@ def torque_sigma(lib: Library, home: Array, known: Information) -> float:
     """σ of the torque of motions never seen, all joints together, by what is known [N·m, N]."""
     seen = np.sum(unseen_joints(lib, home), axis=0)
     gram = np.zeros_like(seen) if known.earlier is None else known.earlier
-    if known.columns is not None:
-        seen, gram = (known.columns.T @ one @ known.columns for one in (seen, gram))
-    spread = covariance(gram)
-    return np.inf if spread is None else float(np.sqrt(np.sum(seen * spread)))
+    spread = covariance(known.of_unknowns(gram))
+    return np.inf if spread is None else float(np.sqrt(np.sum(known.of_unknowns(seen) * spread)))
 
 
 def with_motion(lib: Library, motion: Trajectory, known: Information) -> Information:

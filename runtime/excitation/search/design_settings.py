@@ -8,7 +8,7 @@ from typing import Any, TypedDict
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.excitation.limits.safety import Safety
+from runtime.excitation.limits.safety import Safety, require_share
 from runtime.excitation.motion.family import Basis
 from runtime.excitation.motion.trajectory import BASES, COSINE
 from runtime.excitation.search.information import Information
@@ -68,11 +68,7 @@ class DesignSettings:
                 f"a design needs a basis that returns home, which '{self.basis.name}' does not; "
                 f"choose from {', '.join(BASES)}"
             )
-        if not 0 < self.margin <= 1:
-            raise IdentificationError(
-                f"a margin above 0 and up to 1 is needed, got {self.margin:g}; 0.95 leaves 5 % of "
-                "every limit to the controller"
-            )
+        require_share(self.margin, "a margin", "every limit to the controller")
 
 
 class DesignKeywords(TypedDict, total=False):

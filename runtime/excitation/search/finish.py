@@ -31,7 +31,7 @@ from runtime.excitation.limits.limit_rows import Limits, inside
 from runtime.excitation.motion.trajectory import Trajectory
 from runtime.excitation.search.criteria import CRITERIA
 from runtime.excitation.search.single_start import TRIED, Search
-from runtime.library import Array, Library
+from runtime.library import Array
 
 FIRST = 3  # random starts of a smooth criterion in the first round; none of them is given up
 DRAWN, FEWEST_DRAWN = 0.25, 4  # share and least number of random starts of a smooth criterion
@@ -145,17 +145,17 @@ class Finished:
     use: dict[str, float]  # largest |value| / limit per kind of limit, 1 is the limit itself
 
 
-def finished(lib: Library, search: Search, a: Array) -> Finished:
+def finished(search: Search, a: Array) -> Finished:
     """Refine a start and repair it; Ctrl-C skips the refinement."""
     with suppress(KeyboardInterrupt):
         a = search.refined(a)
-    return repaired(lib, search, a)
+    return repaired(search, a)
 
 
-def repaired(lib: Library, search: Search, a: Array) -> Finished:
+def repaired(search: Search, a: Array) -> Finished:
     """Move a motion (n, M) [rad, m] inside all limits at 1 kHz, smaller or slower."""
     designed = search.settings.duration
-    fine = _limits(lib, search, designed)
+    fine = search.joint_limits(STEP)
     a = inside(fine, a)
     if not search.constraints:
         return _with_use(search, fine, a, designed)
@@ -167,7 +167,7 @@ def repaired(lib: Library, search: Search, a: Array) -> Finished:
     for slower in SLOWER:
         duration = np.ceil(1e3 * slower * designed) / 1e3
         if search.limit_rows(STEP, duration=duration).worst(a) <= -STRICT:
-            return _with_use(search, _limits(lib, search, duration), a, duration)
+            return _with_use(search, search.joint_limits(STEP, duration), a, duration)
     for scale in SMALL:
         if rows.worst(scale * a) <= -STRICT:
             return _with_use(search, fine, scale * a, designed)
@@ -175,12 +175,6 @@ def repaired(lib: Library, search: Search, a: Array) -> Finished:
         f"the best motion found breaks the limits of {' and of '.join(rows.strongest(a))} and "
         "neither a smaller nor a slower motion of the same shape keeps them; try more starts"
     )
-
-
-def _limits(lib: Library, search: Search, duration: float) -> Limits:
-    basis, share = search.basis, search.settings.margin
-    size = basis.size(search.settings.harmonics)
-    return Limits(lib, search.home, size, duration, step=STEP, basis=basis, share=share)
 
 
 def _with_use(search: Search, fine: Limits, a: Array, duration: float) -> Finished:

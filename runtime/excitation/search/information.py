@@ -185,8 +185,10 @@ class Information:
     def of_mean(self, mean: Array, duration: float) -> Array:
         """Information of the unknowns."""
         gram = mean * (self.rate * duration)
-        if self.earlier is not None:
-            gram = gram + self.earlier
+        return self.of_unknowns(gram if self.earlier is None else gram + self.earlier)
+
+    def of_unknowns(self, gram: Array) -> Array:
+        """Tᵀ G T of a G over β, (k, k)."""
         return gram if self.columns is None else self.columns.T @ gram @ self.columns
 
     def to_mean(self, slope: Array, duration: float) -> Array:

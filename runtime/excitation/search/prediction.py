@@ -74,7 +74,7 @@ def predict(
     lib: Library, trajectory: Trajectory, known: Information, names: tuple[str, ...] = FRICTION
 ) -> Prediction:
     """Expected accuracy of a motion."""
-    joints = [_reduced(one, known) for one in unseen_joints(lib, trajectory.home)]
+    joints = [known.of_unknowns(one) for one in unseen_joints(lib, trajectory.home)]
     seen = np.sum(joints, axis=0)
     size, scores, notes = sizes(lib, known), [], []
     spreads: dict[tuple[str, ...], Array] = {}
@@ -126,10 +126,6 @@ def covariance_of(
     return _covariance(gram, k, trajectory)
 
 
-def _reduced(matrix: Array, known: Information) -> Array:
-    return matrix if known.columns is None else known.columns.T @ matrix @ known.columns
-
-
 def _gram(
     lib: Library, trajectory: Trajectory, known: Information, names: tuple[str, ...], samples: int
 ) -> tuple[Array, float]:
@@ -150,7 +146,7 @@ def _gram(
         rows = dct(rows, axis=0, norm="ortho") * weight[:, :, None]
     gram = mean_gram(rows / known.noise[:, None]) * (known.rate * trajectory.duration)
     if known.earlier is not None:
-        gram[:k, :k] += _reduced(known.earlier, known)
+        gram[:k, :k] += known.of_unknowns(known.earlier)
     return gram, condition
 
 

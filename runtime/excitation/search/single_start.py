@@ -182,7 +182,7 @@ class Search:
         self.cost = ConditionCost(*shape, self.basis, settings.information)
         self._condition = ConditionCost(*shape, self.basis)
         self._tolerance = TOLERANCE if self.criterion.is_kinked else SMOOTH_TOLERANCE
-        self.limits = Limits(*shape, basis=self.basis, share=settings.margin)
+        self.limits = self.joint_limits(LIMIT_STEP)
         self.constraints = constraints(lib, self.home, settings.safety)
         require_rest(self.constraints, self.home)
         self._seed, self._shape = settings.seed, (lib.n_joints, size)
@@ -312,7 +312,7 @@ class Search:
     def refined(self, a: Array) -> Array:
         """Coefficients at the same optimum on a finer grid; `inside` alone would lose 0.5 %."""
         step = min(max(FINE_STEP, self._grid[-1] / 2 / FINE_POINTS), LIMIT_STEP)
-        fine = Limits(*self._grid, step=step, basis=self.basis, share=self.settings.margin)
+        fine = self.joint_limits(step)
         matrix, bound = fine.inequalities()
         x = self._coordinates.points(inside(fine, a)[None])[0]
         rows = LinearRows(matrix @ self._spread, bound)
@@ -323,6 +323,12 @@ class Search:
             objective = self._objective(self.goal.last or self.goal.target)
             x = descend(objective, x, rows, POLISH, nonlinear=elastic).x
         return self._coordinates.of_one(x)
+
+    def joint_limits(self, step: float, duration: float | None = None) -> Limits:
+        """Limits of the joints on a grid."""
+        lib, home, size, designed = self._grid
+        end = designed if duration is None else duration
+        return Limits(lib, home, size, end, step, self.basis, self.settings.margin)
 
     def limit_rows(
         self,

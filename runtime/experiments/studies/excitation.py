@@ -64,7 +64,7 @@ def _finish(setup: ExcitationSetup, rows: list[Row]) -> StudyOutcome:
     ranked = sorted(rows, key=lambda row: (row["cost_after"], row["trial"]))[: len(ROLES)]
     shape = (lib.n_joints, -1)
     starts = [np.array(row["curve"]).reshape(shape) for row in ranked]
-    ends = [repaired(lib, search, search.refined(a)) for a in starts]
+    ends = [repaired(search, search.refined(a)) for a in starts]
     best = ends[0].trajectory
     cost = ConditionCost(lib, lib.home, best.coefficients.shape[1], config.duration)
     last = float(cost.value_gradient(best.coefficients)[0])

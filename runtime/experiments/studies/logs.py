@@ -71,7 +71,7 @@ def _prepare(lib: Library, config: LogsConfig, needed: Arrays) -> LogsSetup:
 def _design(lib: Library, like: Trajectory, seed: int) -> Trajectory:
     """Design from one start in document mode."""
     search = Search(lib, DesignSettings(like.duration, like.coefficients.shape[1], seed=seed))
-    return repaired(lib, search, search.refined(search.start(0)[1])).trajectory
+    return repaired(search, search.refined(search.start(0)[1])).trajectory
 
 
 def _run(setup: LogsSetup, numbers: range, threads: int) -> list[Row]:

@@ -331,7 +331,7 @@ def _setup(lib: Library, config: DesignsConfig, seed: int) -> MonteCarloSetup:
     search = Search(lib, DesignSettings(config.duration, config.harmonics, seed=seed))
     ended: list[tuple[float, Array]] = [search.start(k) for k in range(config.starts)]
     best = sorted(ended, key=lambda each: each[0])[: len(ROLES)]
-    motions = [repaired(lib, search, search.refined(a)).trajectory for _, a in best]
+    motions = [repaired(search, search.refined(a)).trajectory for _, a in best]
     return setup_along(lib, MonteCarloConfig(config.cases, config.seed), motions)
 
 

@@ -75,4 +75,4 @@ def finish(
 
     monkeypatch.setattr(search, "constraints", (SimpleNamespace(kind="toy"),))
     monkeypatch.setattr(search, "limit_rows", rows)
-    return repaired(double, search, a), a
+    return repaired(search, a), a

@@ -290,8 +290,11 @@ def run_cases(setup: MonteCarloSetup, numbers: range, threads: int) -> list[Row]
             else:
                 fits = [(*timed(solvers[method], problem), []) for problem in problems]
             for number, problem, (fit, seconds, curve) in zip(numbers, problems, fits, strict=True):
-                rows.append(_row(setup, case, method, number, problem, fit))
-                rows[-1] |= {"time_s": seconds} | ({"curve": curve} if curve else {})
+                row: Row = {"case": case.name, "method": method, "trial": number}
+                row |= row_of(setup.scorer, problem, fit) | {"time_s": seconds}
+                if not case.noise:  # residuals are rounding errors, without an effective size
+                    row.pop("n_eff", None)
+                rows.append(row | ({"curve": curve} if curve else {}))
     return rows
 
 
@@ -349,11 +352,9 @@ def fit_from_map(problem: Problem) -> Fit:
     return ESTIMATORS["log-cholesky"].fit(replace(problem, start=near))
 
 
-def _row(
-    setup: MonteCarloSetup, case: Case, method: str, number: int, problem: Problem, fit: Fit
-) -> Row:
-    row: Row = {"case": case.name, "method": method, "trial": number, "status": fit.status}
-    row |= setup.scorer.row(fit.pi, unrepaired=fit.unrepaired)
+def row_of(scorer: Scorer, problem: Problem, fit: Fit) -> Row:
+    """Metrics of one fit."""
+    friction = scorer.test.friction(fit.phi) if fit.phi.size else None
+    row: Row = {"status": fit.status} | scorer.row(fit.pi, friction, fit.unrepaired)
     row |= {"iterations": fit.iterations, "loss": problem.statistics().value(fit.pi, fit.phi)}
-    # Without noise the residuals are rounding errors, which have no effective sample size.
-    return row | ({} if fit.n_eff is None or not case.noise else {"n_eff": fit.n_eff})
+    return row | ({} if fit.n_eff is None else {"n_eff": fit.n_eff})

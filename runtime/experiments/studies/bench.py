@@ -45,7 +45,6 @@ class Part:
 
     train: Samples
     held: Samples
-    test: Samples
     scorer: trials.Scorer
 
 
@@ -72,7 +71,7 @@ def _prepare(lib: Library, config: BenchConfig, needed: study.Arrays) -> BenchSe
             truth = trials.scorer_of(
                 lib, test, np.array(needed[f"{logs}/pi"]), config.configurations
             )
-            parts[case, name] = Part(train, held, test, truth)
+            parts[case, name] = Part(train, held, truth)
     return BenchSetup(lib, config, lib.lam_from_pi(trials.document_robot(lib)), parts, needed)
 
 
@@ -94,8 +93,8 @@ def _run(setup: BenchSetup, numbers: range, threads: int) -> list[study.Row]:
         for part, suffix in ((plain, ""), (rubbing, "-friction")):
             same = [_problem(setup, part, number, case) for number in numbers]
             descents = _descents(setup, case, same, threads)
-            for number, problem, (fit, seconds) in zip(numbers, same, descents, strict=True):
-                rows.append(_row(case, f"adam{suffix}", number, part, problem, fit, seconds))
+            for number, problem, timed in zip(numbers, same, descents, strict=True):
+                rows.append(_row(case, f"adam{suffix}", number, part, problem, timed))
         pc_ols = METHODS["pc-ols"].fit
         convex = {"pc-ols": (pc_ols, "map"), "pc-ols-friction": (pc_ols, "map-friction")}
         convex |= {method: (METHODS["map"].fit, method) for method in _terms(config)}
@@ -103,9 +102,8 @@ def _run(setup: BenchSetup, numbers: range, threads: int) -> list[study.Row]:
             for method, (solve, terms) in convex.items():
                 part = setup.parts[case, terms]
                 problem = _problem(setup, part, number, case)
-                rows.append(
-                    _row(case, method, number, part, problem, *trials.timed(solve, problem))
-                )
+                timed = trials.timed(solve, problem)
+                rows.append(_row(case, method, number, part, problem, timed))
     return rows
 
 
@@ -132,14 +130,10 @@ def _problem(setup: BenchSetup, part: Part, number: int, case: str) -> Problem:
 
 
 def _row(
-    case: str, method: str, number: int, part: Part, problem: Problem, fit: Fit, seconds: float
+    case: str, method: str, number: int, part: Part, problem: Problem, timed: tuple[Fit, float]
 ) -> study.Row:
-    row: study.Row = {"case": case, "method": method, "trial": number, "status": fit.status}
-    friction = part.test.friction(fit.phi) if fit.phi.size else None
-    row |= part.scorer.row(fit.pi, friction, fit.unrepaired)
-    row |= {"iterations": fit.iterations, "time_s": seconds}
-    row |= {"loss": problem.statistics().value(fit.pi, fit.phi)}
-    return row | ({} if fit.n_eff is None else {"n_eff": fit.n_eff})
+    head: study.Row = {"case": case, "method": method, "trial": number, "time_s": timed[1]}
+    return head | trials.row_of(part.scorer, problem, timed[0])
 
 
 def _fixed_arm(setup: BenchSetup) -> list[study.Row]:
@@ -185,7 +179,7 @@ def _facts(setup: BenchSetup) -> dict[str, Any]:
         "weights": {case: thesis_weights(p.train.tau).tolist() for case, p in plain.items()},
         "weights_of_map": "1/s_j^2 from the residuals, three passes",
         "torque_rms": {
-            case: trials.torque_rms(part.test.tau).tolist() for case, part in plain.items()
+            case: trials.torque_rms(part.scorer.test.tau).tolist() for case, part in plain.items()
         },
         "condition_numbers": {
             case: trials.condition(lib, part.train) for case, part in plain.items()

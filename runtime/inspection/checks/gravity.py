@@ -42,7 +42,7 @@ from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.estimators.regression.factor import reduced_of
 from runtime.estimators.regression.posterior import least_squares, orthonormal, posterior_of
 from runtime.estimators.regression.samples import Samples
-from runtime.inspection.checks.torque_rows import EPSILON, TorqueRows
+from runtime.inspection.checks.torque_rows import EPSILON, TorqueRows, partial_slope
 from runtime.inspection.finding import ERROR, WARNING, Finding, joint_list
 from runtime.library import Array, Integers, Library
 from runtime.recording import Recipe
@@ -102,14 +102,8 @@ def _joint(falls: Array, inertial: Array, dq: Array, tau: Array) -> tuple[float,
     """a, RMS of g, partial correlation, P and P/σ of one joint."""
     friction = np.column_stack([np.tanh(dq / EPSILON), dq])
     others = np.column_stack([inertial, friction, np.ones_like(dq)])
-    _, bare_tau = least_squares(others, tau)
-    _, bare_falls = least_squares(others, falls)
-    size = float(np.linalg.norm(bare_falls))
-    moved = size > 1e-6 * np.sqrt(len(falls))  # rounding of a joint along gravity
-    both = float(bare_falls @ bare_tau) if moved else 0.0
-    slope = both / size**2 if moved else 0.0
-    correlation = both / max(size * float(np.linalg.norm(bare_tau)), 1e-300)
-    matrix = np.column_stack([falls, others]) if moved else others
+    slope, correlation = partial_slope(others, tau, falls)
+    matrix = np.column_stack([falls, others]) if slope else others
     fit = posterior_of(matrix, tau)
     rest = tau - matrix @ fit.mean
     # Mean power of friction as a linear function of the coefficients.

@@ -14,6 +14,7 @@ differentiated from q with the filter of the other signals.
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from runtime.estimators.regression.posterior import least_squares
 from runtime.inspection.finding import ERROR, INFO, WARNING, Finding, joint_list, numbers
 from runtime.library import Array, Library
 from runtime.recording import Recipe, Recording
@@ -343,13 +344,7 @@ def _filter(dq: Array, slope: Array) -> tuple[float, float, float]:
     target = dq[2:]
     fitted = np.column_stack([dq[1:-1], slope[1:]])
     past = np.column_stack([dq[1:-1], dq[:-2]])
-    x, left = _solved(fitted, target)
-    _, innovation = _solved(past, target)
-    a, b = float(x[0]), float(x[1])
-    return a, b / (1 - a) if a != 1 else np.inf, left / max(innovation, 1e-300)
-
-
-def _solved(rows: Array, target: Array) -> tuple[Array, float]:
-    """Least squares solution and the norm of its residual."""
-    x = np.asarray(np.linalg.lstsq(rows, target, rcond=None)[0], dtype=float)
-    return x, float(np.linalg.norm(target - rows @ x))
+    (a, b), rest = least_squares(fitted, target)
+    _, innovation = least_squares(past, target)
+    left = float(np.linalg.norm(rest) / max(float(np.linalg.norm(innovation)), 1e-300))
+    return float(a), float(b / (1 - a)) if a != 1 else np.inf, left

@@ -188,10 +188,15 @@ def _regressed(torque_rows: TorqueRows, model: Array, j: int) -> tuple[float, fl
     others = np.column_stack([dq, np.tanh(dq / EPSILON), np.ones_like(dq)])
     if torque_rows.has_rotors:
         others = np.column_stack([others, s.ddq[:, j]])
-    _, tau = least_squares(others, s.tau[:, j])
-    _, rigid = least_squares(others, model[:, j])
+    return partial_slope(others, s.tau[:, j], model[:, j])
+
+
+def partial_slope(others: Array, tau: Array, model: Array) -> tuple[float, float]:
+    """Slope of τ (N,) on a torque (N,) beside other columns (N, k), and partial correlation."""
+    _, tau = least_squares(others, tau)
+    _, rigid = least_squares(others, model)
     size = float(np.linalg.norm(rigid))
-    if size <= 1e-6 * np.sqrt(len(rigid)):
+    if size <= 1e-6 * np.sqrt(len(rigid)):  # rounding, as of a joint along gravity
         return 0.0, 0.0
     both = float(rigid @ tau)
     return both / size**2, both / max(size * float(np.linalg.norm(tau)), 1e-300)

@@ -127,31 +127,20 @@ def write_randomisers(
     texts = Path(__file__).with_name("randomisers")
     head = (texts / "head.py.txt").read_text(encoding="utf-8")
     head = head.replace("{robot}", lib.name).replace("{count}", str(len(draws.pi)))
+    names: dict[str, Any] = {"links": lib.link_names, "joints": lib.joint_names}
     for path in randomiser_paths(folder, kinds):
         with replacing(path) as file:
             if path.name == RANDOM_ARRAYS:
-                names = {"links": np.array(lib.link_names), "joints": np.array(lib.joint_names)}
-                content: dict[str, Any] = {**arrays, **names}
-                np.savez_compressed(file, **content)
+                np.savez_compressed(file, **(names | arrays))
             elif path.name == RANGES:
-                file.write(_table(lib, arrays).encode())
+                ends = (0.5 - SHARE / 2, 0.5 + SHARE / 2)
+                ranges = {key: np.quantile(x, ends, axis=0).tolist() for key, x in arrays.items()}
+                each = {key: values.tolist() for key, values in arrays.items()}
+                facts = {"robot": lib.name, **names, "ranges": ranges, "draws": each}
+                file.write(f"{json.dumps(facts, ensure_ascii=False)}\n".encode())
             else:
                 kind = path.stem.removeprefix("randomise_")
                 file.write((head + (texts / f"{kind}.py.txt").read_text("utf-8")).encode())
-
-
-def _table(lib: Library, arrays: dict[str, Array]) -> str:
-    ends = (0.5 - SHARE / 2, 0.5 + SHARE / 2)
-    facts: dict[str, Any] = {
-        "robot": lib.name,
-        "links": list(lib.link_names),
-        "joints": list(lib.joint_names),
-        "ranges": {
-            key: np.quantile(values, ends, axis=0).tolist() for key, values in arrays.items()
-        },
-        "draws": {key: values.tolist() for key, values in arrays.items()},
-    }
-    return json.dumps(facts, ensure_ascii=False) + "\n"
 
 
 def simulator_arrays(

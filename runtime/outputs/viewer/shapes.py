@@ -69,7 +69,9 @@ def look_of(lib: Library, urdf: Path | None = None, packages: Iterable[Path] = (
         except RuntimeFault:
             raise
         except Exception as error:  # trimesh and its loaders raise any exception
-            missing.append(f"{_name(visual)} ({str(error) or type(error).__name__})")
+            mesh = visual.find("geometry/mesh")
+            name = visual.get("name", "a visual") if mesh is None else mesh.get("filename")
+            missing.append(f"{name} ({str(error) or type(error).__name__})")
     if shapes:
         rest = f"; not drawn: {', '.join(missing)}" if missing else ""
         return Look(tuple(shapes), f"{len(shapes)} visual shapes{rest}")
@@ -137,11 +139,6 @@ def _numbers(text: str, count: int) -> list[float]:
     if len(values) != count or not np.abs(values).max() < LARGEST_COORDINATE:
         raise ValueError(f"expected {count} numbers below {LARGEST_COORDINATE:g}, got '{text}'")
     return values
-
-
-def _name(visual: Element) -> str:
-    mesh = visual.find("geometry/mesh")
-    return str(visual.get("name", "a visual") if mesh is None else mesh.get("filename"))
 
 
 def _shape(

@@ -58,7 +58,9 @@ def ros2_files(model: IdentifiedModel) -> dict[str, str]:
         for name, place in PLACES.items()
     }
     include = f"include/{values['package']}"
-    written[f"{include}/parameters.h"] = _header(model)
+    arrays = {f"{lib.name}_parameters_{key}": each for key, each in _arrays(model).items()}
+    guard, comment = f"{lib.name.upper()}_PARAMETERS_H", model.comment("Parameters")
+    written[f"{include}/parameters.h"] = c_header(guard, comment, arrays)
     written["config/parameters.yaml"] = _yaml(model)
     for name, place in (
         ("kernels.c", "src/kernels.c"),
@@ -83,7 +85,7 @@ def check_ros2(model: IdentifiedModel, written: Mapping[str, str]) -> str:
             "not written: expected kernels.c of the model of the library, and it belongs to "
             "another; run: python -m symgen build"
         )
-    arrays = {f"{lib.name}_parameters_{key}": each for key, each in _arrays(model).items()}
+    arrays = {f"{lib.name}_parameters_{key}": each for key, (_, each) in _arrays(model).items()}
     if read_arrays(header, arrays, "parameters") is None:
         return unchecked(INSTALL)
     return "verified: reloaded by a C compiler, all parameters equal; colcon builds the package"
@@ -108,35 +110,26 @@ def _values(model: IdentifiedModel) -> dict[str, str]:
     }
 
 
-def _arrays(model: IdentifiedModel) -> dict[str, Array]:
-    friction = model.friction
+def _arrays(model: IdentifiedModel) -> dict[str, tuple[str, Array]]:
+    """End of the name in C → meaning and values."""
+    friction, unit = model.friction, "N m or N per joint"
     offset = np.zeros(model.lib.n_joints)
     if friction.values is not None and "offset" in friction.terms.columns:
         offset = friction.values[:, friction.terms.columns.index("offset")]
     return {
-        "pi": model.pi,
-        "damping": friction.filled("damping"),
-        "dry_friction": friction.filled("friction"),
-        "offset": offset,
+        "pi": (
+            f"per link: {', '.join(PI_NAMES)}; kg, kg m, kg m^2 about the link origin",
+            model.pi,
+        ),
+        "damping": ("N m s/rad or N s/m per joint", friction.filled("damping")),
+        "dry_friction": (unit, friction.filled("friction")),
+        "offset": (unit, offset),
     }
-
-
-def _header(model: IdentifiedModel) -> str:
-    lib = model.lib
-    meaning = {
-        "pi": f"per link: {', '.join(PI_NAMES)}; kg, kg m, kg m^2 about the link origin",
-        "damping": "N m s/rad or N s/m per joint",
-        "dry_friction": "N m or N per joint",
-        "offset": "N m or N per joint",
-    }
-    arrays = {
-        f"{lib.name}_parameters_{key}": (meaning[key], each) for key, each in _arrays(model).items()
-    }
-    return c_header(f"{lib.name.upper()}_PARAMETERS_H", model.comment("Parameters"), arrays)
 
 
 def _yaml(model: IdentifiedModel) -> str:
-    arrays = _arrays(model) | {"friction_speed": np.array([model.friction.terms.coulomb_speed])}
+    arrays = {key: values for key, (_, values) in _arrays(model).items()}
+    arrays["friction_speed"] = np.array([model.friction.terms.coulomb_speed])
     lines = [
         *(f"# {comment_text(line)}" for line in model.comment("Parameters")),
         "gravity_compensation:",

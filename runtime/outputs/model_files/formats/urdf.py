@@ -12,12 +12,6 @@ from runtime.outputs.model_files.urdf_tree import RigidBody, Tree, digits, numbe
 HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
 
 
-def document_text(tree: Tree, comment: str = "") -> str:
-    """Text of a URDF file."""
-    indent(tree.root, space="  ")
-    return HEAD + comment + tostring(tree.root, "unicode") + "\n"
-
-
 def set_inertial(tree: Tree, link: str, body: RigidBody | None) -> None:
     """Replace the <inertial> of a link."""
     element = tree.links[link]
@@ -26,7 +20,12 @@ def set_inertial(tree: Tree, link: str, body: RigidBody | None) -> None:
     for inertial in old:
         element.remove(inertial)
     if body is not None:
-        element.insert(place, _inertial(body))
+        inertial = Element("inertial")
+        SubElement(inertial, "origin", {"xyz": row(body.com), "rpy": "0 0 0"})
+        SubElement(inertial, "mass", {"value": digits(body.mass)})
+        entries = {f"i{key}": digits(value) for key, value in body.entries().items()}
+        SubElement(inertial, "inertia", entries)
+        element.insert(place, inertial)
 
 
 def set_friction(tree: Tree, joint: str, damping: float | None, friction: float | None) -> None:
@@ -39,15 +38,6 @@ def set_friction(tree: Tree, joint: str, damping: float | None, friction: float 
             node.set(key, digits(value))
 
 
-def _inertial(body: RigidBody) -> Element:
-    inertial = Element("inertial")
-    SubElement(inertial, "origin", {"xyz": row(body.com), "rpy": "0 0 0"})
-    SubElement(inertial, "mass", {"value": digits(body.mass)})
-    entries = {f"i{key}": digits(value) for key, value in body.entries().items()}
-    SubElement(inertial, "inertia", entries)
-    return inertial
-
-
 def urdf_text(model: IdentifiedModel) -> str:
     """URDF with m, c and I_com of every moving link, and joint friction where it is known."""
     tree = read_tree(model.lib)
@@ -57,7 +47,9 @@ def urdf_text(model: IdentifiedModel) -> str:
         set_inertial(tree, link, model.bodies.by_link[link])
     for k, joint in enumerate(model.lib.joint_names):
         set_friction(tree, joint, model.friction.damping[k], model.friction.friction[k])
-    return document_text(tree, xml_comment(model.robot_comment(*_remove_driving_friction(tree))))
+    comment = xml_comment(model.robot_comment(*_remove_driving_friction(tree)))
+    indent(tree.root, space="  ")
+    return HEAD + comment + tostring(tree.root, "unicode") + "\n"
 
 
 def _remove_driving_friction(tree: Tree) -> list[str]:

@@ -196,15 +196,11 @@ def _with_kinds(
 
 def _closed(tree: Tree, closures: list[Closure], start: Array, chosen: list[int]) -> Array:
     """The pose at which all loops close, by damped Newton; independent joints stay if they can."""
-    if chosen:
-        others = [k for k in range(len(start)) if k not in chosen]
-        x = _closed_pose(tree, closures, start, others)
-        if x is not None:
-            return x
-    x = _closed_pose(tree, closures, start, list(range(len(start))))
-    if x is not None:
-        return x
-    end = _newton_pose(tree, closures, start, list(range(len(start))))
+    every = list(range(len(start)))
+    for columns in ([k for k in every if k not in chosen], every):
+        end = _newton_pose(tree, closures, start, columns)
+        if _is_closed(tree, closures, end):
+            return end
     worst = max(closures, key=lambda c: float(np.abs(tree.rows([c], end)[0]).max()))
     raise UrdfError(
         f"{worst.name} cannot be closed: its frames are {_apart_at(tree, worst, start)} apart at "
@@ -221,8 +217,8 @@ def _poses_beside(tree: Tree, closures: list[Closure], x: Array) -> list[Array]:
     for _ in range(_POSES if len(free) else 0):
         direction = rng.normal(0, 1, len(free)) @ free
         start = x + _ASIDE * direction / np.linalg.norm(direction)
-        pose = _closed_pose(tree, closures, start, list(range(len(x))))
-        if pose is not None and np.linalg.norm(pose - x) > _ASIDE / 4:
+        pose = _newton_pose(tree, closures, start, list(range(len(x))))
+        if _is_closed(tree, closures, pose) and np.linalg.norm(pose - x) > _ASIDE / 4:
             poses.append(pose)
     return poses
 
@@ -343,12 +339,8 @@ def _placed(
     return world.rotation, world.translation, jacobian
 
 
-def _closed_pose(
-    tree: Tree, closures: list[Closure], start: Array, columns: list[int]
-) -> Array | None:
-    """The pose at which damped Newton closes all loops, (n,) [rad, m]; None where it does not."""
-    x = _newton_pose(tree, closures, start, columns)
-    return x if np.abs(tree.rows(closures, x)[0]).max() < CLOSED else None
+def _is_closed(tree: Tree, closures: list[Closure], x: Array) -> bool:
+    return bool(np.abs(tree.rows(closures, x)[0]).max() < CLOSED)
 
 
 def _newton_pose(tree: Tree, closures: list[Closure], start: Array, columns: list[int]) -> Array:

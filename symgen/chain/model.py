@@ -153,6 +153,15 @@ class Chain:
         return len(self.coordinates) + (BASE_FREEDOM if self.floating else 0)
 
 
+def path_to(joints: tuple[Joint, ...], joint: int) -> list[int]:
+    """Joints from the base to one joint, which comes last; none for the base."""
+    path = list[int]()
+    while joint >= 0:
+        path.append(joint)
+        joint = joints[joint].parent
+    return path[::-1]
+
+
 def free_base(link: str, body: pinocchio.Inertia) -> Joint:
     """The joint of six degrees of freedom between the world and a free base."""
     if not body.mass > 0:

@@ -256,10 +256,7 @@ def _check_inertial(document: Document, link: str) -> None:
         raise UrdfError(f"link '{link}' has the negative mass {value:g} kg; correct the URDF")
     for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
         numbers(inertia.get(key, ""), 1, f"link '{link}': inertia {key}")
-    node = inertial.find("origin")
-    if node is not None:
-        for key in ("xyz", "rpy"):
-            numbers(node.get(key, "0 0 0"), 3, f"link '{link}': inertial origin {key}")
+    origin(inertial, f"link '{link}': inertial")
 
 
 def _carrier(document: Document, link: str) -> str | None:
@@ -358,27 +355,22 @@ def _range_of_followers(joints: tuple[Joint, ...], coupling: Coupling) -> dict[i
     velocity/|c|. A joint with several masters limits no single one, and a range that is empty is
     not used: the joint keeps its limits.
     """
-    changed: dict[int, dict[str, Any]] = {}
+    changed: dict[int, tuple[float, float, float]] = {}
     for k, joint in enumerate(joints):
         masters = coupling.masters(k)
         if k in coupling.independent or len(masters) != 1:
             continue
         factor, offset = coupling.matrix[k][masters[0]], coupling.offset[k]
-        ends = [None if x is None else (x - offset) / factor for x in (joint.lower, joint.upper)]
-        lower, upper = ends if factor > 0 else ends[::-1]
+        least, most = sorted((end - offset) / factor for end in joint.ends())
         place = coupling.independent[masters[0]]
         master = joints[place]
-        now = changed.get(
-            place, {"lower": master.lower, "upper": master.upper, "velocity": master.velocity}
-        )
-        new = dict(now)
-        if lower is not None:
-            new["lower"] = lower if now["lower"] is None else max(lower, now["lower"])
-        if upper is not None:
-            new["upper"] = upper if now["upper"] is None else min(upper, now["upper"])
-        if joint.velocity is not None:
-            speed = joint.velocity / abs(factor)
-            new["velocity"] = speed if now["velocity"] is None else min(speed, now["velocity"])
-        if new["lower"] is None or new["upper"] is None or new["lower"] < new["upper"]:
-            changed[place] = new
-    return changed
+        lower, upper, speed = changed.get(place, (*master.ends(), master.velocity or math.inf))
+        lower, upper = max(least, lower), min(most, upper)
+        if lower < upper:
+            fastest = (joint.velocity or math.inf) / abs(factor)
+            changed[place] = lower, upper, min(fastest, speed)
+    keys = ("lower", "upper", "velocity")
+    return {
+        place: {k: x if math.isfinite(x) else None for k, x in zip(keys, values, strict=True)}
+        for place, values in changed.items()
+    }

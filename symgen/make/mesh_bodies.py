@@ -7,7 +7,7 @@ over the triangles t with corners v_1, v_2, v_3; each spans a tetrahedron with t
 parts outside of the solid cancel. Source: Eberly, Polyhedral mass properties, 2002.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -66,7 +66,12 @@ def with_mesh_bodies(
                 )
             continue
         parts = [_placed(mesh, name, folder, packages) for mesh in meshes]
-        _write(element, density, parts)
+        volume = sum(part.volume for part in parts)
+        centre = np.sum([part.first for part in parts], axis=0) / volume
+        second = np.sum([part.second for part in parts], axis=0)
+        second -= volume * np.outer(centre, centre)
+        inertia = density * (np.trace(second) * np.eye(3) - second)
+        add_inertial(element, density * volume, centre, inertia)
         done.append(name)
     if not done:
         raise UrdfError(
@@ -145,12 +150,3 @@ def _loaded(path: Path, scale: Array, link: str) -> tuple[Array, Array]:
         ) from None
     triangles = [[t[0], t[1], t[2]] for t in map(model.tri_indices, range(model.num_tris))]
     return np.array(model.vertices()), np.array(triangles, dtype=np.intp).reshape(-1, 3)
-
-
-def _write(link: Element, density: float, parts: Sequence[Moments]) -> None:
-    """Add the <inertial> of a link: mass, centre, and inertia about the centre."""
-    volume = sum(part.volume for part in parts)
-    centre = np.sum([part.first for part in parts], axis=0) / volume
-    second = np.sum([part.second for part in parts], axis=0) - volume * np.outer(centre, centre)
-    inertia = density * (np.trace(second) * np.eye(3) - second)
-    add_inertial(link, density * volume, centre, inertia)

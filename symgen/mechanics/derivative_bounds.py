@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 
 from symgen.chain import Chain, Joint
+from symgen.chain.model import path_to
 from symgen.kernel import Matrix
 from symgen.mechanics.inertia import bodies_of
 
@@ -76,13 +77,8 @@ def tip_bounds(chain: Chain, motion: Matrix) -> Matrix:
     """Bounds of the distance of the tip from the base and of its derivatives, (orders,) [m]."""
     orders = motion.shape[0]
     shifts = _of_joints(chain, motion)
-    path: list[int] = []
-    index = chain.tip.joint
-    while index >= 0:
-        path.insert(0, index)
-        index = chain.joints[index].parent
     turned, place = _constant(1.0, orders), _constant(0.0, orders)
-    for i in path:
+    for i in path_to(chain.joints, chain.tip.joint):
         joint = chain.joints[i]
         place = _sum(place, _times(turned, _arm(joint, shifts[i], orders)))
         turned = _times(turned, _turn(joint, shifts[i], orders))

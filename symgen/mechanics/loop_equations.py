@@ -19,7 +19,7 @@ import casadi as ca
 from symgen.chain import Chain, Joint
 from symgen.chain.coupling import Coupling
 from symgen.chain.mechanism import FREE_ROWS, IN_SHARED
-from symgen.chain.model import Closure, Frame, Loops
+from symgen.chain.model import Closure, Frame, Loops, path_to
 from symgen.errors import BuildError
 from symgen.kernel import Matrix
 from symgen.mechanics.spatial import joint_pose
@@ -118,7 +118,7 @@ def equations(chain: ClosedChain) -> ca.Function:
 
 def _apart(chain: ClosedChain, closure: Closure, positions: Matrix) -> Matrix:
     """Rows of the pose of the child's frame in the parent's, see `symgen.chain.assembly`."""
-    above, below = (_ancestors(chain, f.joint) for f in (closure.parent, closure.child))
+    above, below = (path_to(chain.joints, f.joint) for f in (closure.parent, closure.child))
     shared = len([a for a, b in zip(above, below, strict=False) if a == b])
     (r_a, a), (r_c, c) = (
         _from_shared(chain, frame, path[shared:], positions)
@@ -133,15 +133,6 @@ def _apart(chain: ClosedChain, closure: Closure, positions: Matrix) -> Matrix:
     else:
         bent = ca.vertcat(r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]) / 2
     return ca.vertcat(p, bent)[list(closure.rows)]
-
-
-def _ancestors(chain: ClosedChain, joint: int) -> list[int]:
-    """Joints from the base to one joint."""
-    path = list[int]()
-    while joint >= 0:
-        path.append(joint)
-        joint = chain.joints[joint].parent
-    return path[::-1]
 
 
 def _from_shared(

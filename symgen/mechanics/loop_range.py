@@ -40,7 +40,10 @@ def within_loops(chain: Chain) -> Chain:
         return chain
     home = np.array([chain.loops.assembly[k] for k in chain.loops.independent])
     ends = np.array([_ends(chain, k, home[k]) for k in range(len(home))])
-    moving = [k for k in range(len(home)) if _moves_a_loop(chain, k)]
+    q = ca.SX.sym("q", len(home))
+    margins = seed_values(closed_chain(chain), q)[1]
+    looped = range(len(home) if margins.numel() else 0)
+    moving = [k for k in looped if ca.which_depends(margins, q[k])[0]]
     sample = _sampler(chain)
     grids: dict[int, Array] = {}
     results: dict[int, tuple[Array, NDArray[np.bool_]]] = {}
@@ -114,12 +117,6 @@ def _ends(chain: Chain, k: int, home: float) -> tuple[float, float]:
     lower = home - np.pi if joint.lower is None else min(joint.lower, home)
     upper = home + np.pi if joint.upper is None else max(joint.upper, home)
     return lower, upper
-
-
-def _moves_a_loop(chain: Chain, k: int) -> bool:
-    q = ca.SX.sym("q", len(chain.coordinates))
-    margin = seed_values(closed_chain(chain), q)[1]
-    return bool(ca.which_depends(margin, q[k])[0] if margin.numel() else False)
 
 
 def _sampler(chain: Chain) -> Sampler:

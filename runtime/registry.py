@@ -30,9 +30,16 @@ R = TypeVar("R", bound=Named)
 class Registry(Generic[R]):
     """Records of one kind by name, in the order of the package, then those of plugins by name."""
 
-    def __init__(self, group: str, kind: type[R], noun: str, builtin: Mapping[str, str]) -> None:
-        """A registry whose built-in records are not imported yet."""
-        self.group, self.kind, self.noun = group, kind, noun
+    def __init__(
+        self,
+        group: str,
+        kind: type[R],
+        noun: str,
+        builtin: Mapping[str, str],
+        error: type[RuntimeFault] = RuntimeFault,
+    ) -> None:
+        """A registry whose built-in records are not imported yet; an unknown name is an `error`."""
+        self.group, self.kind, self.noun, self._error = group, kind, noun, error
         self._builtin = dict(builtin)
         self._plugins: dict[str, EntryPoint] | None = None
         self._loaded: dict[str, R] = {}
@@ -70,9 +77,9 @@ class Registry(Generic[R]):
         elif name in self._entry_points():
             record = self._plugin(name)
         else:
-            raise RuntimeFault(
-                f"expected a {self.noun} of {', '.join(self)}, got '{name}'; choose one of them, "
-                f"or install the package that adds '{name}'"
+            raise self._error(
+                f"there is no {self.noun} '{name}'; choose from {', '.join(self)}, or install the "
+                "package that adds it"
             )
         return record
 

@@ -57,11 +57,9 @@ def export_trajectory(
     unchecked: Collection[str] = (),
 ) -> Path:
     """Write one kind of file, and the certificate as `base`.certificate.json; atomically."""
-    if kind not in MOTION_FORMATS:
-        raise ExportError(f"expected one of {', '.join(MOTION_FORMATS)} to export, got '{kind}'")
+    chosen = MOTION_FORMATS[kind]
     motion.require_limits()
     require_consent(motion.certificate.unchecked, unchecked)
-    chosen = MOTION_FORMATS[kind]
     path = base.with_name(base.name + chosen.suffix)
     chosen.write(motion, chosen.rate if rate is None else rate, path)
     _write_certificate(motion, base.with_name(base.name + CERTIFICATE))
@@ -186,4 +184,5 @@ MOTION_FORMATS = Registry(  # file formats of a motion by name
     MotionFormat,
     "format of motions",
     {name.lower(): f"{__name__}:{name}" for name in ("CSV", "NPZ", "ROS", "LIBFRANKA")},
+    ExportError,
 )

@@ -78,6 +78,10 @@ _BY_PREFIX = {  # prefix → function of `_ROOM` that makes the record
 }
 
 _ROOM = "runtime.recording.friction.columns"
+_OF_ROOM = (
+    *("viscous", "coulomb", "offset", "asymmetric", "stribeck", "dahl", "load", "position"),
+    *("rotor", "motor_viscous", "motor_coulomb", "motor_rotor"),
+)
 
 
 class ColumnRegistry(Registry[FrictionColumn]):
@@ -102,22 +106,12 @@ COLUMNS = ColumnRegistry(  # all friction columns, in the order of help and mess
     FrictionColumn,
     "friction column",
     {
-        "viscous": f"{_ROOM}:VISCOUS",
-        "coulomb": f"{_ROOM}:COULOMB",
-        "offset": f"{_ROOM}:OFFSET",
-        "asymmetric": f"{_ROOM}:ASYMMETRIC",
-        "stribeck": f"{_ROOM}:STRIBECK",
-        "dahl": f"{_ROOM}:DAHL",
-        "load": f"{_ROOM}:LOAD",
-        "position": f"{_ROOM}:POSITION",
-        "rotor": f"{_ROOM}:ROTOR",
-        "motor_viscous": f"{_ROOM}:MOTOR_VISCOUS",
-        "motor_coulomb": f"{_ROOM}:MOTOR_COULOMB",
-        "motor_rotor": f"{_ROOM}:MOTOR_ROTOR",
+        **{name: f"{_ROOM}:{name.upper()}" for name in _OF_ROOM},
         "viscous_temperature": "runtime.recording.friction.warming:VISCOUS_TEMPERATURE",
         "viscous_uptime": "runtime.recording.friction.warming:VISCOUS_UPTIME",
         "law_gain": "runtime.recording.friction.law_gain:LAW_GAIN",
     },
+    RecordingError,
 )
 
 

@@ -45,7 +45,7 @@ def test_builtin_records_come_first_and_are_loaded_once(monkeypatch):
 @pytest.mark.parametrize(
     ("plugins", "name", "message"),
     [
-        ({}, "two", r"expected a thing of one, got 'two'; choose one of them"),
+        ({}, "two", r"there is no thing 'two'; choose from one, or install the package"),
         ({"two": Thing("other")}, "two", r"'toy:two' expects to provide a Thing named 'two'"),
         ({"two": object()}, "two", r"got object; correct or uninstall"),
     ],

@@ -181,6 +181,7 @@ BASES = Registry(  # all bases of excitation motions by name; these return home
         "fourier": "runtime.excitation.motion.trajectory:FOURIER_FAMILY",
         "bspline": "runtime.excitation.motion.family:SPLINE_FAMILY",
     },
+    IdentificationError,
 )
 MOST_SAMPLES = 10_000_000  # most samples: more exceed the memory of an ordinary computer
 
@@ -237,10 +238,6 @@ def basis_of(name: str, zero_jerk: bool = False) -> Basis:
     """The basis of this name."""
     if name == TRANSFER:
         return Spline(zero_jerk, arrives=True)
-    if name not in BASES:
-        raise IdentificationError(
-            f"there is no basis '{name}' of trajectories; choose from {', '.join(BASES)}"
-        )
     return BASES[name].make(zero_jerk)
 
 

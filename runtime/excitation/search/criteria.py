@@ -144,10 +144,6 @@ class Criterion:
 
 def criterion_of(name: str, has_information: bool = True) -> Criterion:
     """The record of a criterion."""
-    if name not in CRITERIA:
-        raise IdentificationError(
-            f"there is no criterion '{name}'; choose from {', '.join(CRITERIA)}"
-        )
     criterion = CRITERIA[name]
     if criterion.needs_information and not has_information:
         raise IdentificationError(
@@ -232,4 +228,5 @@ CRITERIA = Registry(  # all criteria by name
     Criterion,
     "criterion",
     {name.lower(): f"{__name__}:{name}" for name in ("V", "A", "D", "COND", "MIXED")},
+    IdentificationError,
 )

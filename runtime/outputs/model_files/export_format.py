@@ -55,6 +55,7 @@ EXPORT_FORMATS = Registry(
         "header": f"{_FORMATS}.header:HEADER",
         "casadi": f"{_FORMATS}.casadi:CASADI",
     },
+    ExportError,
 )
 
 

@@ -52,12 +52,7 @@ def columns(motion: JointMotion, *terms: Friction) -> Array:
 
 def _require_known(terms: tuple[Friction, ...]) -> None:
     for each in terms:
-        for name in each.columns:
-            if name not in COLUMNS:
-                raise RecordingError(
-                    f"there is no friction column {name!r}; choose from {', '.join(COLUMNS)}"
-                )
-        if len(set(each.columns)) < len(each.columns):
+        if len({COLUMNS[name].name for name in each.columns}) < len(each.columns):
             raise RecordingError(
                 f"the friction columns {', '.join(each.columns)} name one twice, so that their "
                 "coefficients are not determined; name each once"

@@ -149,7 +149,9 @@ def test_nothing_unproven_is_written(
 
 def test_wrong_words(lib: Library, motion: Trajectory, tmp_path: Path) -> None:
     """Property: an unknown kind, a rate without meaning, a place that cannot be written."""
-    with pytest.raises(ExportError, match="one of csv, npz, ros, libfranka to export, got 'xml'"):
+    with pytest.raises(
+        ExportError, match="no format of motions 'xml'; choose from csv, npz, ros, libfranka"
+    ):
         export_trajectory(certified(lib, motion), tmp_path / "m", "xml", unchecked=ALL)
     for rate in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(RuntimeFault, match="sampling rate"):

@@ -17,11 +17,10 @@ import numpy as np
 from runtime.common.files import json_of, require_file, sha256_of
 from runtime.common.records import record_from_table
 from runtime.errors import RecordingError, RuntimeFault
-from runtime.experiments.storage import CONFIG, HASH, RESULT, SERIES, TRIALS, arrow, summary
+from runtime.experiments.storage import CONFIG, RESULT, SERIES, TRIALS, read_rows, summary
 from runtime.experiments.study import FORMAT, View
 from runtime.library import Array
 from runtime.recording.formats.npz import open_npz
-from runtime.recording.formats.parquet_format import rows_of
 
 LARGEST_DRAWN = 1e100  # largest number that is drawn; its square must be finite
 
@@ -185,14 +184,12 @@ def _require_whole(folder: Path, raw: Mapping[str, Any], known: Mapping[str, Any
             raise RuntimeFault(
                 f"'{folder / name}' does not match its SHA-256 in {RESULT}; {_AGAIN}"
             )
-    arrow()
-    metadata, rows = rows_of(folder / TRIALS)
-    mark = metadata.get(HASH, b"").decode(errors="replace")
-    if not raw["config_hash"] == known["config_hash"] == mark or raw["config"] != known["config"]:
+    same = all(raw[key] == known[key] for key in ("config_hash", "config"))
+    rows = read_rows(folder / TRIALS, raw["config_hash"]) if same else None
+    if rows is None:
         raise RuntimeFault(f"the files of '{folder}' have different configs; {_AGAIN}")
     with np.errstate(all="ignore"):  # overflow gives infinity, which agrees with no number
-        kept = [{k: v for k, v in row.items() if v is not None} for row in rows]
-        computed = {_key(entry): entry for entry in summary(kept)}
+        computed = {_key(entry): entry for entry in summary(rows)}
     stated = {_key(entry): entry for entry in raw["summary"]}
     both = computed.keys() & stated.keys()
     wrong = {k for k in both if not _agrees(stated[k], computed[k])}

@@ -147,28 +147,7 @@ class JointLog:
     fields: tuple[str, ...]  # those of position, velocity and effort that the messages fill
     count: int  # number of rows
     remarks: tuple[str, ...]  # sentences
-    _spool: Spool
-
-    def table(self, key: str, name: str) -> LogTable:
-        """One field of the messages, or the time from the first message on, (N, n) [s]."""
-        values = self.rows({"": key}, name).read(0, self.count)[""]
-        return LogTable(values.copy(), np.arange(self.count, dtype=np.int64), self.remarks)
-
-    def rows(self, kinds: Mapping[str, str], name: str) -> SpooledRows:
-        """Rows of several fields."""
-        for key in kinds.values():
-            if key and key not in self.fields:
-                raise RecordingError(
-                    f"{name} is expected to hold the {key} of the joints, but its messages hold "
-                    f"{', '.join(self.fields)} of JointState; leave it out of the recipe"
-                )
-        n = len(self.names)
-        ends = {key: 1 + n * (k + 1) for k, key in enumerate(FIELDS)}
-        places = {
-            kind: slice(ends[key] - n, ends[key]) if key else slice(0, 1)
-            for kind, key in kinds.items()
-        }
-        return SpooledRows(self._spool, 1 + n * len(FIELDS), places)
+    spool: Spool  # time from the first message on [s], then the three fields
 
 
 def read_joint_states(
@@ -302,12 +281,25 @@ class BagReader(LogReader):
 
     def table(self, kind: str, part: Signal | Time) -> LogTable:
         """Field of JointState that a part of the recipe means."""
-        return self._messages.table(_field(kind, part), self.raw.name)
+        log = self._messages
+        values = self.rows({kind: part}).read(0, log.count)[kind]
+        return LogTable(values.copy(), np.arange(log.count, dtype=np.int64), log.remarks)
 
     def rows(self, parts: Mapping[str, Signal | Time]) -> LogRows:
         """Rows of merged messages."""
-        keys = {kind: _field(kind, part) for kind, part in parts.items()}
-        return self._messages.rows(keys, self.raw.name)
+        log, n = self._messages, len(self._messages.names)
+        places = {}
+        for kind, part in parts.items():
+            key = part.key or {"time": "", "torque": "effort"}.get(kind, kind)
+            if key and key not in log.fields:
+                raise RecordingError(
+                    f"{self.raw.name} is expected to hold the {key} of the joints, but its "
+                    f"messages hold {', '.join(log.fields)} of JointState; leave it out of the "
+                    "recipe"
+                )
+            first = 1 + n * FIELDS.index(key) if key else 0
+            places[kind] = slice(first, first + n) if key else slice(0, 1)
+        return SpooledRows(log.spool, 1 + n * len(FIELDS), places)
 
     def extras(self) -> Extras:
         """Names of the joints."""
@@ -316,10 +308,6 @@ class BagReader(LogReader):
     def remarks(self) -> Texts:
         """Sentences about the messages."""
         return self._messages.remarks
-
-
-def _field(kind: str, part: Signal | Time) -> str:
-    return part.key or {"time": "", "torque": "effort"}.get(kind, kind)
 
 
 BAG = LogFormat(

@@ -75,38 +75,31 @@ def shape_of(columns: Array, coupling: Coupling | None) -> tuple[int, int]:
 
 def coupling_of(recording: Recording) -> Coupling | None:
     """Coupling of the columns of a recording by their names and R̂; None without motor columns."""
-    names = recording.column_names
-    if recording.columns is None or not (has_motors(names) or any(_shared(names))):
+    if recording.columns is None:
         return None
-    if recording.motors is None and has_motors(names):
+    if recording.motors is None and has_motors(recording.column_names):
         raise RecordingError(
             f"the recording '{recording.name}' has columns of motors but no gear directions; "
             "prepare it again from the log and its recipe"
         )
     rows = np.zeros((recording.n_joints,) * 2) if recording.motors is None else recording.motors
-    return Coupling(rows, _of_motors(names), _shared(names))
+    return _coupling(recording.column_names, rows)
 
 
 def coupling_of_terms(terms: Friction) -> Coupling | None:
     """Coupling of friction terms; None without columns of motors and springs."""
-    names = terms.columns
-    if not (has_motors(names) or any(_shared(names))):
-        return None
-    rows = directions(terms.gear) if terms.gear else np.zeros((1, 1))
-    return Coupling(rows, _of_motors(names), _shared(names))
+    return _coupling(terms.columns, directions(terms.gear) if terms.gear else np.zeros((1, 1)))
+
+
+def _coupling(names: tuple[str, ...], rows: Array) -> Coupling | None:
+    shared = tuple(name in COLUMNS and COLUMNS[name].is_shared for name in names)
+    of_motors = tuple(name in COLUMNS and COLUMNS[name].of_motors for name in names)
+    return Coupling(rows, of_motors, shared) if any(shared + of_motors) else None
 
 
 def has_motors(names: tuple[str, ...]) -> bool:
     """Whether some of the columns belong to motors."""
-    return any(_of_motors(names))
-
-
-def _of_motors(names: tuple[str, ...]) -> tuple[bool, ...]:
-    return tuple(name in COLUMNS and COLUMNS[name].of_motors for name in names)
-
-
-def _shared(names: tuple[str, ...]) -> tuple[bool, ...]:
-    return tuple(name in COLUMNS and COLUMNS[name].is_shared for name in names)
+    return any(name in COLUMNS and COLUMNS[name].of_motors for name in names)
 
 
 def geared(terms: Friction, recording: Recording, lib: Library | None = None) -> Friction:

@@ -92,6 +92,10 @@ class Kernel:
         return sum(step.op not in idle for step in self.instructions)
 
 
+Kernels = tuple[Kernel, ...]  # in the order of the generated files
+KernelsByName = dict[str, Kernel]
+
+
 def make_kernel(
     name: str,
     inputs: dict[Argument, Matrix],

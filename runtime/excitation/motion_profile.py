@@ -5,6 +5,7 @@ times. The certificate states what holds between them. In document mode, torque 
 not limited: they are included, and the certificate lists them as unchecked.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -112,7 +113,7 @@ def profile_of(certified: CertifiedMotion, samples: int = SAMPLES) -> MotionProf
         table=safety.table if safety else None,
         box=safety.box if safety else None,
         gaps=tuple(gaps),
-        envelopes=_envelopes(lib, bands),
+        envelopes=tuple(_envelopes(lib, bands)),
         has_friction=safety is not None and bool(safety.viscous or safety.coulomb),
         certificate=certified.certificate,
     )
@@ -129,19 +130,17 @@ def _shares(values: dict[str, Array], bands: dict[str, Band], home: Array) -> di
     return shares
 
 
-def _envelopes(lib: Library, bands: dict[str, Band]) -> tuple[Envelope, ...]:
+def _envelopes(lib: Library, bands: dict[str, Band]) -> Iterator[Envelope]:
     """Bounds dq ≤ min(limit, √(k (q̂ − q)) − c), and likewise downwards; or the limit alone."""
-    envelopes = []
     for j in range(lib.n_joints):
         low, high = bands["position"].lower[j], bands["position"].upper[j]
         fast = bands["velocity"].upper[j]
         facts = lib.braking
         if facts is None or not np.isfinite([low, high]).all():
             q = np.array([low, high])
-            envelopes.append(Envelope(q, np.full(2, -fast), np.full(2, fast)))
+            yield Envelope(q, np.full(2, -fast), np.full(2, fast))
             continue
         q = np.linspace(max(low, facts.lower[j]), min(high, facts.upper[j]), _EDGE)
         up = np.sqrt(facts.k[j] * (facts.upper[j] - q)) - facts.c[j]
         down = np.sqrt(facts.k[j] * (q - facts.lower[j])) - facts.c[j]
-        envelopes.append(Envelope(q, -np.minimum(fast, down), np.minimum(fast, up)))
-    return tuple(envelopes)
+        yield Envelope(q, -np.minimum(fast, down), np.minimum(fast, up))

@@ -7,6 +7,7 @@ import numpy as np
 
 from runtime.common.tables import Table
 from runtime.library import Array
+from runtime.recording import Recipe
 from runtime.recording.notebook import Shown
 
 ERROR, WARNING, INFO = "error", "warning", "info"
@@ -28,6 +29,9 @@ class Finding(Shown):
         """The finding with its numbers."""
         rows = (("sentence", self.sentence), *((k, str(v)) for k, v in self.evidence.items()))
         return (Table((), rows, title=f"{self.level}: {self.kind}"),)
+
+
+Checked = tuple[Recipe, list[Finding]]  # a recipe as a check corrects it, and what it has found
 
 
 def joint_list(names: tuple[str, ...], index: list[int]) -> str:

@@ -8,7 +8,7 @@ user has (gears, the zero of motor angles) are a block to be filled in.
 """
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -22,7 +22,7 @@ from runtime.inspection.checks.column_faults import joint_order
 from runtime.inspection.checks.columns import meaning
 from runtime.inspection.checks.file_layout import draft
 from runtime.inspection.checks.vendor_signals import vendor_torque
-from runtime.inspection.finding import ERROR, INFO, LEVELS, WARNING, Finding
+from runtime.inspection.finding import ERROR, INFO, LEVELS, WARNING, Checked, Finding
 from runtime.inspection.torque_checks import CheckRun, check_commanded, check_torque, proposed_terms
 from runtime.library import Library, require_library
 from runtime.recording import Friction, Recipe, Recording
@@ -33,7 +33,7 @@ from runtime.recording.formats.text_tables import numbers_in
 from runtime.recording.friction.model import DRIVE
 from runtime.recording.log_files import LogFiles
 from runtime.recording.notebook import Framed
-from runtime.recording.reader import Raw, locate, read_raw, recording_of
+from runtime.recording.reader import GivenRecipe, Raw, locate, read_raw, recording_of
 from runtime.recording.recipes import recipe_file
 from runtime.recording.recipes.recipe import COMMANDED, JSON_CELLS, Source
 from runtime.recording.recipes.recipe_file import load_recipe
@@ -82,7 +82,7 @@ class Inspection(Framed):
 def inspect_log(
     path: str | Path,
     lib: Library,
-    recipe: str | Path | Recipe | None = None,
+    recipe: GivenRecipe = None,
     run: str | None = None,
     *,
     bare: bool = False,
@@ -197,7 +197,7 @@ def _check_torque(checks: CheckRun, propose: bool, *, blind: bool) -> None:
 def _read(
     place: Path,
     lib: Library,
-    recipe: str | Path | Recipe | None,
+    recipe: GivenRecipe,
     run: str | None,
     bare: bool,
     rate_hz: float | None,
@@ -218,23 +218,22 @@ def _read(
         return read_raw(place, plan, run), findings
 
 
-def _of_file(raw: Raw) -> list[Finding]:
+def _of_file(raw: Raw) -> Iterator[Finding]:
     """Findings of the reader, and signals whose names stand for a command or a model."""
-    findings = [Finding("corrupt_rows", WARNING, each) for each in raw.dropped]
-    findings += [Finding("file_form", INFO, each.removeprefix("Warning: ")) for each in raw.remarks]
-    findings += [Finding("other_file", WARNING, each) for each in raw.pins]
+    yield from (Finding("corrupt_rows", WARNING, each) for each in raw.dropped)
+    remarks = (each.removeprefix("Warning: ") for each in raw.remarks)
+    yield from (Finding("file_form", INFO, each) for each in remarks)
+    yield from (Finding("other_file", WARNING, each) for each in raw.pins)
     for kind, signal in raw.plan.signals().items():
         titles = [str(c) for c in signal.columns] or [signal.key or signal.file]
         odd = next((title for title in titles if not meaning(title).is_measured), None)
-        if odd is None:
-            continue
-        sentence = (
-            f"the {kind} is read from '{odd}', a name of a command or a model, not of a "
-            "measurement: it fits a model very well but shows nothing of the robot; log the "
-            "measured signal"
-        )
-        findings.append(Finding("not_measured", WARNING, sentence, {"kind": kind, "title": odd}))
-    return findings
+        if odd is not None:
+            sentence = (
+                f"the {kind} is read from '{odd}', a name of a command or a model, not of a "
+                "measurement: it fits a model very well but shows nothing of the robot; log the "
+                "measured signal"
+            )
+            yield Finding("not_measured", WARNING, sentence, {"kind": kind, "title": odd})
 
 
 def of_independent_joints(
@@ -297,7 +296,7 @@ def with_gain_one(raw: Raw, plan: Recipe) -> tuple[Raw, Recipe]:
     return replace(raw, plan=known(raw.plan), recipe=recipe), known(plan)
 
 
-def stated(plan: Recipe, findings: list[Finding]) -> tuple[Recipe, list[Finding]]:
+def stated(plan: Recipe, findings: list[Finding]) -> Checked:
     """The recipe without gains, and "current_gains" in place of the finding on the unit."""
     seen = next((each for each in findings if each.kind == "torque_unit"), None)
     rest = [each for each in findings if each.kind != "torque_unit"]

@@ -13,7 +13,7 @@ from runtime.estimators.choice import regressor_choice
 from runtime.estimators.regression.causes import Causes
 from runtime.inspection.checks import column_faults, drives, gravity, model_fit, signals
 from runtime.inspection.checks.torque_rows import TorqueRows, rough, scale, torque_rows_of
-from runtime.inspection.finding import INFO, WARNING, Finding, joint_list
+from runtime.inspection.finding import INFO, WARNING, Checked, Finding, joint_list
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recipe, Recording, Split
 from runtime.recording.friction.columns import ROTOR
@@ -41,9 +41,7 @@ class CheckRun:
         self.recording = recording_of(replace(raw, plan=plan))
         self._prepared: tuple[Recording, Preparation, Friction, TorqueRows] | None = None
 
-    def run(
-        self, check: Callable[[Recording, Recipe, Library], tuple[Recipe, list[Finding]]]
-    ) -> None:
+    def run(self, check: Callable[[Recording, Recipe, Library], Checked]) -> None:
         """Run a check, and read the log again where it changes the plan."""
         plan, findings = check(self.recording, self.plan, self.lib)
         self.findings += findings
@@ -52,7 +50,7 @@ class CheckRun:
             self.recording = recording_of(replace(self._raw, plan=plan))
 
     def run_on_torque(
-        self, check: Callable[[TorqueRows, Recipe], tuple[Recipe, list[Finding]]], terms: Friction
+        self, check: Callable[[TorqueRows, Recipe], Checked], terms: Friction
     ) -> None:
         """Run a check of the torque on prepared rows."""
         torque_rows = self.torque_rows(terms)

@@ -27,12 +27,11 @@ from runtime.recording.recipes.recipe_file import bundled_names, load_recipe
 from runtime.recording.recording import Recording, require_recording
 from runtime.recording.unit_conversion import converted, usable_rows
 
+GivenRecipe = str | Path | Recipe | None  # name, file or record; None: that of the log, if any
+
 
 def read_recording(
-    path: str | Path,
-    recipe: str | Path | Recipe | None = None,
-    run: str | None = None,
-    joints: Sequence[str] = (),
+    path: str | Path, recipe: GivenRecipe = None, run: str | None = None, joints: Sequence[str] = ()
 ) -> Recording:
     """Read a recording from a file, a folder of raw files, a bag, or the name of a known data set.
 
@@ -60,7 +59,7 @@ def read_recording(
 
 def read_further(
     path: str | Path,
-    recipe: str | Path | Recipe | None,
+    recipe: GivenRecipe,
     run: str | None,
     joints: Sequence[str],
     remembered: Recipe | None,
@@ -110,10 +109,7 @@ class Raw:
 
 
 def read_raw(
-    path: str | Path,
-    recipe: str | Path | Recipe | None = None,
-    run: str | None = None,
-    joints: Sequence[str] = (),
+    path: str | Path, recipe: GivenRecipe = None, run: str | None = None, joints: Sequence[str] = ()
 ) -> Raw:
     """Rows of the files before any conversion."""
     place, chosen = place_and_recipe(path, recipe, run)
@@ -158,9 +154,7 @@ def recording_of(raw: Raw) -> Recording:
     return recording.replace(history=(*history, *raw.remarks, *recording.history, *raw.pins))
 
 
-def plan_of(
-    path: str | Path, recipe: str | Path | Recipe | None = None, run: str | None = None
-) -> Recipe:
+def plan_of(path: str | Path, recipe: GivenRecipe = None, run: str | None = None) -> Recipe:
     """Complete recipe by which a log is read, with the default convention written out."""
     place, chosen = place_and_recipe(path, recipe, run)
     plan = LogFiles(place, chosen or Recipe()).plan()
@@ -170,7 +164,7 @@ def plan_of(
 
 
 def place_and_recipe(
-    path: str | Path, recipe: str | Path | Recipe | None, run: str | None
+    path: str | Path, recipe: GivenRecipe, run: str | None
 ) -> tuple[Path, Recipe | None]:
     """Path of a log, and the recipe by which it is read."""
     place = locate(path)
@@ -206,7 +200,7 @@ def locate(path: str | Path) -> Path:
     )
 
 
-def _choose_recipe(place: Path, recipe: str | Path | Recipe | None) -> Recipe | None:
+def _choose_recipe(place: Path, recipe: GivenRecipe) -> Recipe | None:
     """The requested recipe, else the recipe.toml of a folder, else the bundled one of its name."""
     if recipe is not None:
         return load_recipe(recipe)
@@ -225,9 +219,7 @@ def _choose_recipe(place: Path, recipe: str | Path | Recipe | None) -> Recipe | 
     )
 
 
-def mean_of_column(
-    log: str | Path, recipe: str | Path | Recipe | None, run: str | None, name: str
-) -> float:
+def mean_of_column(log: str | Path, recipe: GivenRecipe, run: str | None, name: str) -> float:
     """Mean of the finite numbers of one column of a log, in the unit of the file."""
     place, chosen = place_and_recipe(log, recipe, run)
     files = LogFiles(place, chosen or Recipe())

@@ -16,7 +16,7 @@ from runtime.recording.formats import format_of_folder, format_of_suffix
 from runtime.recording.formats.log_format import Digests, LogRows
 from runtime.recording.formats.tables import LogTable
 from runtime.recording.log_files import LogFiles, parts_of
-from runtime.recording.reader import place_and_recipe, read_recording
+from runtime.recording.reader import GivenRecipe, place_and_recipe, read_recording
 from runtime.recording.recipes.recipe import UNITS, Recipe, Signal, Time
 from runtime.recording.recording import Recording
 from runtime.recording.unit_conversion import converted, scaled
@@ -105,10 +105,7 @@ def is_large(path: str | Path) -> bool:
 
 
 def open_streamed(
-    path: str | Path,
-    recipe: str | Path | Recipe | None = None,
-    run: str | None = None,
-    joints: Sequence[str] = (),
+    path: str | Path, recipe: GivenRecipe = None, run: str | None = None, joints: Sequence[str] = ()
 ) -> StreamedRecording:
     """Open a log that stays in its file, as `read_recording`: NPZ, Parquet, CSV, or a bag."""
     place, chosen = place_and_recipe(path, recipe, run)
@@ -155,7 +152,7 @@ def open_streamed(
 
 def open_log(
     path: str | Path,
-    recipe: str | Path | Recipe | None = None,
+    recipe: GivenRecipe = None,
     run: str | None = None,
     joints: Sequence[str] = (),
     stream: bool | None = None,

@@ -17,7 +17,7 @@ from symgen.catalogue.loops import body_kernels, loop_kernels, without_seeds
 from symgen.catalogue.motion import control_kernels, motion_kernels, passive_kernels
 from symgen.chain import Chain
 from symgen.collision.model import CollisionModel
-from symgen.kernel import Kernel
+from symgen.kernel import Kernels
 from symgen.mechanics import dynamics
 from symgen.mechanics.base_parameters import BaseParameters, numeric_base
 
@@ -56,9 +56,7 @@ _NO_SUMS = {"loss_gradient": "use base_regressor, or a method on compressed data
 """Kernels that exist as vector code only, because a batch adds up their outputs."""
 
 
-def shortened(
-    chain: Chain, kernels: tuple[Kernel, ...]
-) -> tuple[tuple[Kernel, ...], dict[str, str]]:
+def shortened(chain: Chain, kernels: Kernels) -> tuple[Kernels, dict[str, str]]:
     """Kernels of a large robot, the longest without vector code, and the omitted ones."""
     if not chain.is_large:
         return kernels, {}
@@ -84,7 +82,7 @@ _SQUARE = {  # kernels whose length grows with the square of the joints
 class Catalogue:
     """All kernels of one robot, and the base parameters that some of them use."""
 
-    kernels: tuple[Kernel, ...]  # in the order of the generated files
+    kernels: Kernels  # in the order of the generated files
     base: BaseParameters  # base parameters
     omitted: dict[str, str] = field(default_factory=dict)  # omitted kernel → what to use instead
 

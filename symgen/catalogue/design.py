@@ -13,7 +13,7 @@ from symgen.catalogue.motion import STATE, effort_unit, motion_of, state_unit
 from symgen.chain import Chain
 from symgen.collision.distance import clearance, moving, plane_clearance
 from symgen.collision.model import CollisionModel
-from symgen.kernel import Argument, Kernel, Matrix, make_kernel, make_rare, make_slow
+from symgen.kernel import Argument, Kernel, Kernels, Matrix, make_kernel, make_rare, make_slow
 from symgen.mechanics import derivative_bounds as bounds
 from symgen.mechanics import dynamics, excitation, kinematics
 from symgen.mechanics.base_parameters import BaseParameters, regrouped
@@ -22,7 +22,7 @@ from symgen.mechanics.inertia import N_PARAMETERS
 
 def safety_kernels(
     chain: Chain, collision: CollisionModel, omitted: Container[str] = ()
-) -> tuple[Kernel, ...]:
+) -> Kernels:
     """Return the kernels of all limits of a motion beyond those of q and its derivatives."""
     torques = () if "torque_rate" in omitted else _torques(chain)
     return (*torques, _tip(chain), *_distances(chain, collision))
@@ -48,7 +48,7 @@ def torque_derivatives(chain: Chain) -> Kernel:
     )
 
 
-def _torques(chain: Chain) -> tuple[Kernel, ...]:
+def _torques(chain: Chain) -> Kernels:
     n, links, effort = len(chain.coordinates), len(chain.joints), effort_unit(chain)
     motion = motion_of(chain, 5)
     q, dq, ddq, dddq, _ = symbols = list(motion.values())
@@ -106,7 +106,7 @@ def _tip(chain: Chain) -> Kernel:
     )
 
 
-def _distances(chain: Chain, collision: CollisionModel) -> tuple[Kernel, ...]:
+def _distances(chain: Chain, collision: CollisionModel) -> Kernels:
     motion, plane_ = motion_of(chain, 1), Argument("plane", (4,), "1|m", shared=True)
     (q,), plane = motion.values(), plane_.symbol()
 
@@ -139,7 +139,7 @@ def _distances(chain: Chain, collision: CollisionModel) -> tuple[Kernel, ...]:
     return tuple(kernels)
 
 
-def proof_kernels(chain: Chain) -> tuple[Kernel, ...]:
+def proof_kernels(chain: Chain) -> Kernels:
     """Return the kernels of bounds over intervals; a batch runs over intervals."""
     if chain.loops is not None:
         return ()
@@ -183,9 +183,7 @@ def _interval(chain: Chain, orders: int) -> tuple[Argument, tuple[Matrix, Matrix
     return argument, (symbol, ca.reshape(symbol, n, orders).T)
 
 
-def trajectory_kernels(
-    chain: Chain, base: BaseParameters, omitted: Container[str] = ()
-) -> tuple[Kernel, ...]:
+def trajectory_kernels(chain: Chain, base: BaseParameters, omitted: Container[str] = ()) -> Kernels:
     """Return the kernels that the design of a motion needs beside those of its limits."""
     n, b = len(chain.coordinates), len(base.columns)
     m_, t_ = Argument("m", (1,), "1"), Argument("t", (1,), "s")

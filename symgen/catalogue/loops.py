@@ -6,7 +6,7 @@ import casadi as ca
 
 from symgen.catalogue.motion import motion_of, state_unit
 from symgen.chain import Chain
-from symgen.kernel import Argument, Kernel, Matrix, make_kernel, make_rare, make_slow, with_further
+from symgen.kernel import Argument, Kernels, Matrix, make_kernel, make_rare, make_slow, with_further
 from symgen.mechanics import closure, inertia, kinematics, loop_equations
 from symgen.mechanics.inertia import N_PARAMETERS as P
 from symgen.mechanics.loop_equations import closed_chain
@@ -14,7 +14,7 @@ from symgen.mechanics.loop_equations import closed_chain
 kernel, rare, slow = (partial(make, per="link") for make in (make_kernel, make_rare, make_slow))
 
 
-def body_kernels() -> tuple[Kernel, ...]:
+def body_kernels() -> Kernels:
     """Return the kernels of one body; their batches run over links."""
     pi_, lam_ = Argument("pi", (P,), "SI"), Argument("lam", (P,), "lambda")
     frame_ = Argument("frame", (12,), "m, R by columns, B, C")
@@ -94,7 +94,7 @@ def body_kernels() -> tuple[Kernel, ...]:
     )
 
 
-def loop_kernels(chain: Chain) -> tuple[Kernel, ...]:
+def loop_kernels(chain: Chain) -> Kernels:
     """Return the kernels that lead from the independent joints to all."""
     if chain.loops is None:
         return ()
@@ -144,7 +144,7 @@ def loop_kernels(chain: Chain) -> tuple[Kernel, ...]:
     )
 
 
-def without_seeds(chain: Chain, kernels: tuple[Kernel, ...]) -> tuple[Kernel, ...]:
+def without_seeds(chain: Chain, kernels: Kernels) -> Kernels:
     """The kernels with the values of the loops' seeds."""
 
     def values(inputs: dict[str, Matrix], further: Matrix) -> Matrix:

@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 
 from symgen.chain import Chain
-from symgen.kernel import Argument, Array, Kernel, make_kernel, make_rare, make_slow
+from symgen.kernel import Argument, Array, Kernels, make_kernel, make_rare, make_slow
 from symgen.mechanics import dynamics, kinematics, passive
 from symgen.mechanics.base_parameters import BaseParameters, regrouped
 from symgen.mechanics.inertia import N_PARAMETERS as P
@@ -17,9 +17,7 @@ from symgen.mechanics.inertia import N_PARAMETERS as P
 STATE = ("q", "dq", "ddq", "dddq", "ddddq")  # positions and their time derivatives
 
 
-def motion_kernels(
-    chain: Chain, base: BaseParameters, omitted: Container[str] = ()
-) -> tuple[Kernel, ...]:
+def motion_kernels(chain: Chain, base: BaseParameters, omitted: Container[str] = ()) -> Kernels:
     """Return the kernels of τ(q, dq, ddq) and its parameters."""
     n, b, links = chain.freedom, len(base.columns), len(chain.joints)
     effort = effort_unit(chain)
@@ -149,7 +147,7 @@ def motion_kernels(
     )
 
 
-def _without_accelerations(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
+def _without_accelerations(chain: Chain, base: BaseParameters) -> Kernels:
     """Regressors of momentum and energy."""
     n, b, motion = chain.freedom, len(base.columns), motion_of(chain, 2)
 
@@ -215,7 +213,7 @@ def _slides(chain: Chain) -> list[bool]:
     return sorted({j.kind == "prismatic" for j in chain.coordinates})
 
 
-def passive_kernels(chain: Chain) -> tuple[Kernel, ...]:
+def passive_kernels(chain: Chain) -> Kernels:
     """Return the kernels of torques that depend on q alone."""
     n, kernels, motion = len(chain.coordinates), [], motion_of(chain, 1)
     (q,) = motion.values()
@@ -241,7 +239,7 @@ def passive_kernels(chain: Chain) -> tuple[Kernel, ...]:
     return tuple(kernels)
 
 
-def control_kernels(chain: Chain, omitted: Container[str] = ()) -> tuple[Kernel, ...]:
+def control_kernels(chain: Chain, omitted: Container[str] = ()) -> Kernels:
     """Return the kernels of computed-torque, adaptive and impedance controllers."""
     n, links = chain.freedom, len(chain.joints)
     motion = motion_of(chain, 2)

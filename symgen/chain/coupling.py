@@ -4,7 +4,7 @@ A row is x_d = Σ_m c_m x_m + o, from <mimic> or from a mechanism file. The mast
 dependent themselves; substitution from row to row gives A and b, and a cycle of rows is refused.
 """
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -42,9 +42,8 @@ class Coupling:
         return [k for k, factor in enumerate(self.matrix[joint]) if factor]
 
 
-def mimic_rows(document: Document) -> tuple[CouplingRow, ...]:
+def mimic_rows(document: Document) -> Iterator[CouplingRow]:
     """Rows of all <mimic> elements of moving joints, in document order."""
-    rows = []
     for name, element in document.joints.items():
         node = element.find("mimic")
         if node is None or document.kind(name) not in MOVING:
@@ -58,8 +57,7 @@ def mimic_rows(document: Document) -> tuple[CouplingRow, ...]:
             float(numbers(node.get(key, default), 1, f"joint '{name}': mimic {key}")[0])
             for key, default in (("multiplier", "1"), ("offset", "0"))
         )
-        rows.append(CouplingRow(name, {master: factor}, offset))
-    return tuple(rows)
+        yield CouplingRow(name, {master: factor}, offset)
 
 
 def read_coupling(

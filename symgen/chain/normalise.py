@@ -16,12 +16,13 @@ from symgen.chain.document import MOVING, Document, add_origin, axis_of, listing
 from symgen.chain.mechanism import Mechanism
 from symgen.errors import UrdfError
 
+Note = Callable[[str], None]  # takes a sentence for the user
 GRAVITY = (0.0, 0.0, -9.81)  # gravity of a build by default, in the frame of the root link [m/s²]
 _FAR = 0.05  # difference of gravity, m/s², that is noted: more than that of any two places
 _HALF_PI = math.pi / 2
 
 
-def note_gravity(gravity: np.ndarray, start: str, end: str, note: Callable[[str], None]) -> None:
+def note_gravity(gravity: np.ndarray, start: str, end: str, note: Note) -> None:
     """Note gravity of a file other than that of a build."""
     if math.dist(gravity, GRAVITY) > _FAR:
         stated = ",".join(f"{round(x, 4) + 0.0:g}" for x in gravity.tolist())

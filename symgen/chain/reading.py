@@ -11,7 +11,7 @@ nothing.
 """
 
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -169,7 +169,7 @@ def read_chain(text: str, options: ChainOptions | None = None) -> Chain:
         joints=(*base, *joints),
         gravity=snapped(gravity),
         tip=_tip(document, model, (*base, *joints), options.tip),
-        lumped=_lumped(document, options.floating),
+        lumped=tuple(_lumped(document, options.floating)),
         removed=removed,
         urdf=urdf,
         assumed=options.assumed | new,
@@ -269,8 +269,7 @@ def _carrier(document: Document, link: str) -> str | None:
     return None
 
 
-def _lumped(document: Document, floating: bool) -> tuple[LumpedBody, ...]:
-    bodies = []
+def _lumped(document: Document, floating: bool) -> Iterator[LumpedBody]:
     for link, element in document.links.items():
         carrier = _carrier(document, link) or (document.root_link if floating else None)
         inertial = element.find("inertial")
@@ -278,8 +277,7 @@ def _lumped(document: Document, floating: bool) -> tuple[LumpedBody, ...]:
             continue
         mass = inertial.find("mass")
         value = float(mass.get("value", "0")) if mass is not None else 0.0
-        bodies.append(LumpedBody(name=link, onto=str(carrier), mass=value))
-    return tuple(bodies)
+        yield LumpedBody(name=link, onto=str(carrier), mass=value)
 
 
 def _tip(

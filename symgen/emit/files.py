@@ -38,7 +38,6 @@ from runtime.common.files import json_text
 from symgen.emit import sample
 from symgen.emit.forms import (
     Forms,
-    Kernels,
     composed_body,
     composed_numbers,
     compositions,
@@ -48,7 +47,7 @@ from symgen.emit.forms import (
 from symgen.emit.programs import programs
 from symgen.emit.ssa import TileProgram
 from symgen.errors import BuildError
-from symgen.kernel import Argument, Kernel
+from symgen.kernel import Argument, Kernel, Kernels, KernelsByName
 
 NUMBER = 8  # bytes of a double
 ROW = 64  # bytes of one row of a tile
@@ -70,9 +69,7 @@ class StackBounds:
     tiles: dict[int, dict[str, int]]  # lanes W → the deeper of `_batch` and `_tiles`, with callees
 
 
-def stack_bounds(
-    kernels: tuple[Kernel, ...], forms: Forms, reference: sample.ReferenceCode
-) -> StackBounds:
+def stack_bounds(kernels: Kernels, forms: Forms, reference: sample.ReferenceCode) -> StackBounds:
     """Bounds for every kernel and every vector width."""
     by_name = {k.name: k for k in kernels}
     composed = {k.name: NUMBER * composed_numbers(k, by_name) for k in compositions(by_name)}
@@ -150,7 +147,7 @@ SHARED_MEMORY = 24576  # bytes of rows in shared memory of a block, half of what
 WHOLE = 16  # rows are padded to as many bytes: four numbers in single precision load as one
 
 
-def cuda_context(name: str, kernels: tuple[Kernel, ...]) -> dict[str, Any]:
+def cuda_context(name: str, kernels: Kernels) -> dict[str, Any]:
     """Values for the template of the header."""
     by_name = {kernel.name: kernel for kernel in kernels}
     shipped = [by_name[kernel] for kernel in SHIPPED if kernel in by_name]
@@ -163,11 +160,7 @@ def cuda_context(name: str, kernels: tuple[Kernel, ...]) -> dict[str, Any]:
 
 
 def controller_files(
-    name: str,
-    kernels: tuple[Kernel, ...],
-    chosen: Sequence[str],
-    precision: str,
-    versions: dict[str, str],
+    name: str, kernels: Kernels, chosen: Sequence[str], precision: str, versions: dict[str, str]
 ) -> dict[str, str]:
     """NAME.c and NAME.h for a microcontroller: the chosen kernels and those that they call."""
     by_name = {kernel.name: kernel for kernel in kernels if not kernel.factors}
@@ -194,7 +187,9 @@ def controller_files(
     return {f"{name}.{end}": renderer()(f"controller.{end}.jinja2", context) for end in ("c", "h")}
 
 
-def _body(prefix: str, kernel: Kernel, kernels: Kernels, numbers: sample.Numbers) -> list[str]:
+def _body(
+    prefix: str, kernel: Kernel, kernels: KernelsByName, numbers: sample.Numbers
+) -> list[str]:
     """Statements for one sample; compositions call functions with the prefix."""
     if not is_composed(kernel, kernels):
         return sample.c_body(kernel, numbers)
@@ -237,7 +232,7 @@ _TEMPLATES = Path(__file__).parents[1] / "templates"
 
 def emit(
     name: str,
-    kernels: tuple[Kernel, ...],
+    kernels: Kernels,
     facts: dict[str, Any],
     versions: dict[str, str],
     longest_reference: int | None = None,

@@ -14,9 +14,7 @@ from dataclasses import dataclass
 
 from symgen.emit.sample import c_body
 from symgen.emit.ssa import TileProgram, tile_program
-from symgen.kernel import Argument, Kernel
-
-Kernels = dict[str, Kernel]
+from symgen.kernel import Argument, Kernel, Kernels, KernelsByName
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +42,7 @@ class Forms:
     products: dict[str, Product]  # tables of all kernels that are products
 
 
-def forms_of(robot: str, kernels: tuple[Kernel, ...]) -> Forms:
+def forms_of(robot: str, kernels: Kernels) -> Forms:
     """All forms of the kernels; `robot` is the prefix of the functions' names."""
     by_name = {kernel.name: kernel for kernel in kernels}
     composed = compositions(by_name)
@@ -107,17 +105,17 @@ def _product_program(kernel: Kernel, p: Product, tiles: dict[str, TileProgram]) 
     )
 
 
-def compositions(kernels: Kernels) -> list[Kernel]:
+def compositions(kernels: KernelsByName) -> list[Kernel]:
     """Kernels that are calls of others; one with a part that the catalogue lacks is none."""
     return [k for k in kernels.values() if is_composed(k, kernels)]
 
 
-def is_composed(kernel: Kernel, kernels: Kernels) -> bool:
+def is_composed(kernel: Kernel, kernels: KernelsByName) -> bool:
     """Whether a kernel is calls of others."""
     return bool(kernel.through) and kernels.keys() >= set(kernel.through)
 
 
-def composed_body(prefix: str, kernel: Kernel, kernels: Kernels) -> list[str]:
+def composed_body(prefix: str, kernel: Kernel, kernels: KernelsByName) -> list[str]:
     """C statements of a composition for one sample; a prefix of names is that of the robot."""
     *maps, last = (kernels[name] for name in kernel.through)
     image = last.inputs[-1] if maps else kernel.inputs[-1]
@@ -131,7 +129,7 @@ def composed_body(prefix: str, kernel: Kernel, kernels: Kernels) -> list[str]:
 
 
 def _composed_program(
-    robot: str, kernel: Kernel, kernels: Kernels, tiles: dict[str, TileProgram]
+    robot: str, kernel: Kernel, kernels: KernelsByName, tiles: dict[str, TileProgram]
 ) -> TileProgram:
     """Tile form of a composition: `u` is the mapped value, then what the last kernel prepares."""
     *maps, last = (kernels[name] for name in kernel.through)
@@ -167,9 +165,8 @@ def _missing(kernel: Kernel, last: Kernel) -> list[Argument]:
     return [a for a in last.inputs[:-1] if a.name not in available]
 
 
-def _images(prefix: str, kernel: Kernel, maps: list[Kernel], last: str) -> list[str]:
+def _images(prefix: str, kernel: Kernel, maps: list[Kernel], last: str) -> Iterator[str]:
     """Calls of the maps, one after the other; maps of one link are called link by link."""
-    lines = list[str]()
     given = kernel.inputs[-1].name
     for one, count in _with_counts(kernel, maps):
         (source,), (result,) = one.inputs, one.outputs
@@ -177,21 +174,20 @@ def _images(prefix: str, kernel: Kernel, maps: list[Kernel], last: str) -> list[
         if one is maps[-1]:
             target = last
         else:
-            lines.append(f"double {target}[{count * result.size}];")
+            yield f"double {target}[{count * result.size}];"
         if count == 1:
-            lines.append(f"{prefix}{one.name}({given}, {target});")
+            yield f"{prefix}{one.name}({given}, {target});"
         else:
             at, to = f"{given} + link * {source.size}", f"{target} + link * {result.size}"
-            lines += [
+            yield from [
                 f"for (int link = 0; link < {count}; ++link) {{",
                 f"    {prefix}{one.name}({at}, {to});",
                 "}",
             ]
         given = target
-    return lines
 
 
-def composed_numbers(kernel: Kernel, kernels: Kernels) -> int:
+def composed_numbers(kernel: Kernel, kernels: KernelsByName) -> int:
     """Numbers that the calls keep on the stack at most: all mapped values."""
     maps = [kernels[name] for name in kernel.through[:-1]]
     return sum(count * one.outputs[0].size for one, count in _with_counts(kernel, maps))

@@ -15,9 +15,8 @@ from typing import Any
 
 from symgen.emit.sample import c_body
 from symgen.emit.ssa import TileProgram
-from symgen.kernel import Argument, Kernel
+from symgen.kernel import Argument, Kernel, Kernels, KernelsByName
 
-Kernels = dict[str, Kernel]
 Tiles = dict[str, TileProgram]
 
 LANES = 8  # samples, or links, of a tile: LANES of lanes.h
@@ -62,9 +61,7 @@ class Program:
     includes: tuple[str, ...] = ()  # headers of `templates/` that it includes, copied unchanged
 
 
-def programs(
-    kernels: tuple[Kernel, ...], tiles: Tiles, facts: dict[str, Any]
-) -> tuple[Program, ...]:
+def programs(kernels: Kernels, tiles: Tiles, facts: dict[str, Any]) -> tuple[Program, ...]:
     """Return the programs whose kernels are all in the catalogue."""
     by_name = {kernel.name: kernel for kernel in kernels}
     chosen = []
@@ -102,7 +99,7 @@ _CLOSED_LOOP = {"inverse_dynamics", "mass_matrix", "bias_forces"}
 _EXAMPLE = {"inverse_dynamics", "regressor", "base_regressor"}
 
 
-def _statistics(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
+def _statistics(kernels: KernelsByName, tiles: Tiles) -> dict[str, Any]:
     """Tables for the programs that eliminate the rows [Y_b tau]."""
     (output,) = kernels["base_regressor"].outputs
     joints, base = output.shape
@@ -155,7 +152,7 @@ def _placed(line: str, output: str, columns: int) -> str:
     return f"PUT({joint}, {column}, {match[2]});"
 
 
-def _descent(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
+def _descent(kernels: KernelsByName, tiles: Tiles) -> dict[str, Any]:
     """Sizes for the descent methods in λ."""
     (pi,), (beta,) = kernels["base_parameters"].inputs, kernels["base_parameters"].outputs
     lam, frame, _ = kernels["pi_adjoint"].inputs
@@ -198,13 +195,13 @@ def _on_tiles(kernel: Kernel, bodies: Argument, size: int) -> dict[str, Any]:
     }
 
 
-def _convex(kernels: Kernels) -> dict[str, Any]:
+def _convex(kernels: KernelsByName) -> dict[str, Any]:
     """Sizes for the convex estimators."""
     (body,), (pi,) = kernels["barrier"].inputs, kernels["base_parameters"].inputs
     return {"parameters": body.size, "links": pi.size // body.size}
 
 
-def _online(kernels: Kernels) -> dict[str, Any]:
+def _online(kernels: KernelsByName) -> dict[str, Any]:
     """Sizes of the state of the online estimator."""
     sizes = _convex(kernels)
     joints, base = kernels["base_regressor"].outputs[0].shape
@@ -212,7 +209,7 @@ def _online(kernels: Kernels) -> dict[str, Any]:
     return sizes | {"joints": joints, "base": base, "width": width}
 
 
-def _excitation(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
+def _excitation(kernels: KernelsByName, tiles: Tiles) -> dict[str, Any]:
     """Filled rows of the base regressor by 4 × 4 blocks of the Gram matrix."""
     (output,) = kernels["base_regressor"].outputs
     joints, columns = output.shape

@@ -18,7 +18,7 @@ import casadi as ca
 
 from symgen.emit.ssa import EXPRESSIONS, c_constant
 from symgen.errors import BuildError
-from symgen.kernel import Kernel
+from symgen.kernel import Kernel, Kernels
 
 SHORT = 100  # characters of an expression that may stand where it is read
 LONG = 2400  # statements above which a body is split; arms of seven joints stay whole
@@ -180,7 +180,7 @@ _DEFINED = re.compile(r"const double (t\d+) = ")
 _VALUE = re.compile(r"\bt\d+\b")
 
 
-def reference_code(kernels: tuple[Kernel, ...]) -> ReferenceCode:
+def reference_code(kernels: Kernels) -> ReferenceCode:
     """Return CasADi's C code of the kernels."""
     generator = ca.CodeGenerator("reference", {"casadi_int": "long"})
     for kernel in kernels:

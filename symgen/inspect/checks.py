@@ -12,7 +12,7 @@ are wrong in one of the links.
 
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -72,9 +72,8 @@ def consistency_errors(model: Model, name: str) -> list[Finding]:
             f"the largest principal moment exceeds the sum of the others by {-body.slack:.3g} "
             f"kg m² ({shown})"
         )
-    return error("triangle", observed, "expected J3 ≤ J1 + J2, as for every solid") + _causes(
-        body, where
-    )
+    wanted = "expected J3 ≤ J1 + J2, as for every solid"
+    return [*error("triangle", observed, wanted), *_causes(body, where)]
 
 
 def _massless(model: Model, name: str) -> list[Finding]:
@@ -94,14 +93,13 @@ def _mass(model: Model, names: list[str]) -> float:
     return float(sum(body.mass for name, body in model.bodies.items() if name in names))
 
 
-def _causes(body: Body, where: str) -> list[Finding]:
+def _causes(body: Body, where: str) -> Iterator[Finding]:
     """Likely causes of an inconsistent body: a sign, a decimal point, a shift with wrong sign."""
-    findings = []
     flipped = body.inertia * (2 * np.eye(3) - 1)
     if Body(body.mass, body.com, flipped).is_realisable:
         text = "with the opposite sign of one product of inertia (or of all) it is consistent"
         wanted = "expected Ixy, Ixz, Iyz as integrals −∫xy dm, not mirrored"
-        findings.append(Finding(WARNING, "sign", where, text, wanted))
+        yield Finding(WARNING, "sign", where, text, wanted)
     shift = body.mass * (body.com @ body.com * np.eye(3) - np.outer(body.com, body.com))
     if Body(body.mass, body.com, body.inertia + shift).is_realisable:
         text = (
@@ -109,8 +107,8 @@ def _causes(body: Body, where: str) -> list[Finding]:
             "applied twice"
         )
         wanted = "expected the inertia about the centre of mass"
-        findings.append(Finding(WARNING, "wrong-point", where, text, wanted))
-    return findings + _decimal_entry(body, where)
+        yield Finding(WARNING, "wrong-point", where, text, wanted)
+    yield from _decimal_entry(body, where)
 
 
 def _decimal_entry(body: Body, where: str) -> list[Finding]:
@@ -138,10 +136,10 @@ def _decimal_entry(body: Body, where: str) -> list[Finding]:
     return [Finding(WARNING, "decimal", where, observed, "expected the decimal point elsewhere")]
 
 
-def plausibility_warnings(model: Model, group: Group) -> list[Finding]:
+def plausibility_warnings(model: Model, group: Group) -> Iterator[Finding]:
     """Warnings about a consistent body: density, size and place that links do not have."""
     body, where, extent = group.body, group.where, group.extent
-    findings = [*_geometry(body, where, extent)]
+    yield from _geometry(body, where, extent)
     density = _ellipsoid_density(body)
     # Without shapes: distance from the link origin to its joints and its centre of mass, at most.
     whole = sum(math.hypot(*joint.offset) for joint in model.joints)
@@ -158,28 +156,26 @@ def plausibility_warnings(model: Model, group: Group) -> list[Finding]:
             place = "on a line" if spread[1] <= FLAT * spread[-1] else "in a plane"
             text = f"by its inertia the mass lies {place}, without any thickness"
         wanted = f"expected less than osmium, {OSMIUM:g} kg/m³{slip}"
-        findings.append(Finding(WARNING, "dense", where, text, wanted))
+        yield Finding(WARNING, "dense", where, text, wanted)
     bound = (STRETCH if extent else TREE_STRETCH) * reach
     if bound > 0 and body.size > bound:
         text = f"by its inertia the mass lies {body.size:.3g} m from its centre (root mean square)"
         source = "its shapes" if extent else "the distances of its joints"
         wanted = f"expected at most {bound:.2g} m by {source}{slip}"
-        findings.append(Finding(WARNING, "size", where, text, wanted))
+        yield Finding(WARNING, "size", where, text, wanted)
     elif density < FOAM:
         text = f"mass and inertia are those of a solid of {density:.3g} kg/m³"
         wanted = f"expected more than packing foam, {FOAM:g} kg/m³{slip}"
-        findings.append(Finding(WARNING, "airy", where, text, wanted))
+        yield Finding(WARNING, "airy", where, text, wanted)
     tensor = body.inertia
     if np.array_equal(tensor, tensor[0, 0] * np.eye(3)) and _is_power_of_ten(tensor[0, 0]):
         text = f"the inertia is {tensor[0, 0]:g} times the identity, a placeholder"
-        findings.append(Finding(WARNING, "placeholder", where, text, "expected that of the part"))
-    return findings
+        yield Finding(WARNING, "placeholder", where, text, "expected that of the part")
 
 
-def _geometry(body: Body, where: str, extent: Extent | None) -> list[Finding]:
+def _geometry(body: Body, where: str, extent: Extent | None) -> Iterator[Finding]:
     if extent is None:
-        return []
-    findings = []
+        return
     density = body.mass / extent.volume
     if not FOAM < density < OSMIUM:
         k = _fitting(lambda power: density * 10.0**power)
@@ -188,14 +184,13 @@ def _geometry(body: Body, where: str, extent: Extent | None) -> list[Finding]:
             f"{body.mass:g} kg in a volume of {1e3 * extent.volume:.3g} l are {density:.3g} kg/m³"
         )
         wanted = f"expected {FOAM:g} to {OSMIUM:g} kg/m³{hint}"
-        findings.append(Finding(WARNING, "density", where, text, wanted))
+        yield Finding(WARNING, "density", where, text, wanted)
     low, high = extent.points.min(axis=0), extent.points.max(axis=0)
     outside = np.maximum(np.maximum(low - body.com, body.com - high), 0.0)
     if np.linalg.norm(outside) > 0.05 * np.linalg.norm(high - low):
         far = f"{1e3 * np.linalg.norm(outside):.3g} mm"
         text = f"the centre of mass lies {far} outside the box around its shapes"
-        findings.append(Finding(WARNING, "outside", where, text, "expected it inside"))
-    return findings
+        yield Finding(WARNING, "outside", where, text, "expected it inside")
 
 
 def _slipped(body: Body, reach: float) -> str:
@@ -271,16 +266,14 @@ def _range(joint: Joint, where: str) -> list[Finding]:
     return []
 
 
-def _strength(joint: Joint, where: str) -> list[Finding]:
-    findings = []
+def _strength(joint: Joint, where: str) -> Iterator[Finding]:
     for key, value in (("velocity", joint.velocity), ("effort", joint.effort)):
         if value is not None and value < 0:
             text = f"the {key} limit is {value:g}"
-            findings.append(Finding(ERROR, "limits", where, text, "expected a positive one"))
+            yield Finding(ERROR, "limits", where, text, "expected a positive one")
         elif not value:
             text = f"the {key} limit is {'missing' if value is None else '0'}"
-            findings.append(Finding(WARNING, "limits", where, text, "expected a positive one"))
-    return findings
+            yield Finding(WARNING, "limits", where, text, "expected a positive one")
 
 
 _SAME_MASS = 1e-6
@@ -302,11 +295,10 @@ def comparison_warnings(model: Model) -> list[Finding]:
     return [*_copies(model, written), *_mirrored(written), *_origin(consistent)]
 
 
-def _copies(model: Model, bodies: dict[str, Body]) -> list[Finding]:
+def _copies(model: Model, bodies: dict[str, Body]) -> Iterator[Finding]:
     groups: dict[bytes, list[str]] = {}
     for name, body in bodies.items():
         groups.setdefault((body.inertia + 0.0).tobytes(), []).append(name)
-    findings = []
     for names in groups.values():
         first = names[0]
         others = [name for name in names[1:] if _differ(model, first, name)]
@@ -316,8 +308,7 @@ def _copies(model: Model, bodies: dict[str, Body]) -> list[Finding]:
             listed = ", ".join(f"'{name}'" for name in others)
             text = f"its inertia equals that of {listed} to the last digit, with {shapes}"
             wanted = "expected different inertias for different bodies"
-            findings.append(Finding(WARNING, "copied", f"link '{first}'", text, wanted))
-    return findings
+            yield Finding(WARNING, "copied", f"link '{first}'", text, wanted)
 
 
 def _differ(model: Model, a: str, b: str) -> bool:
@@ -330,8 +321,7 @@ def _differ(model: Model, a: str, b: str) -> bool:
     return bool(keys[0] and keys[1] and keys[0] != keys[1])
 
 
-def _mirrored(bodies: dict[str, Body]) -> list[Finding]:
-    findings = []
+def _mirrored(bodies: dict[str, Body]) -> Iterator[Finding]:
     for (a, one), (b, two) in itertools.combinations(bodies.items(), 2):
         if not _are_mirror_images(one, two) or _explained(one, two):
             continue
@@ -344,8 +334,7 @@ def _mirrored(bodies: dict[str, Body]) -> list[Finding]:
             f"products of inertia ({products})"
         )
         wanted = "expected signs that follow those of the centre of mass"
-        findings.append(Finding(WARNING, "sign", f"link '{b}'", text, wanted))
-    return findings
+        yield Finding(WARNING, "sign", f"link '{b}'", text, wanted)
 
 
 def _are_mirror_images(one: Body, two: Body) -> bool:

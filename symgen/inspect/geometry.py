@@ -10,6 +10,7 @@ P = Σ_k T_k P_k T_kᵀ,  T_k from the frame of link k to that of the heaviest o
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -169,17 +170,15 @@ def _require_numbers(tag: str, text: str) -> None:
             float(word)
 
 
-def groups_of(model: Model, extents: dict[str, Extent | None]) -> list[Group]:
+def groups_of(model: Model, extents: dict[str, Extent | None]) -> Iterator[Group]:
     """Return the groups that have a consistent body."""
-    groups: list[Group] = []
     grouped: set[str] = set()
     for name in model.links:
         joint = model.joint_of(name)
         if joint is None or joint.moves or joint.parent not in model.links:
             poses = {x: pose for x, pose in model.poses(name).items() if x not in grouped}
             grouped.update(poses)
-            groups += _group(model, poses, extents)
-    return groups
+            yield from _group(model, poses, extents)
 
 
 def _group(model: Model, poses: dict[str, Array], extents: dict[str, Extent | None]) -> list[Group]:

@@ -1,6 +1,6 @@
 """Inspection of one robot model file: numbers per link, findings, base parameters, and repair."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -160,9 +160,9 @@ def _checked(model: Model, text: str | None, meshes: Meshes, with_base: bool) ->
     return Inspection(model, text, rows, tuple(findings), base, tuple(notes))
 
 
-def _findings(model: Model, extents: dict[str, Extent | None]) -> list[Finding]:
+def _findings(model: Model, extents: dict[str, Extent | None]) -> Iterator[Finding]:
     """Findings of reading, of each link, of links fixed to each other, of pairs, of joints."""
-    findings = list(model.findings)
+    yield from model.findings
     unread = {f.where for f in model.findings}
     readable = replace(
         model,
@@ -173,14 +173,13 @@ def _findings(model: Model, extents: dict[str, Extent | None]) -> list[Finding]:
     )
     for name in model.links:
         if f"link '{name}'" not in unread:
-            findings += checks.consistency_errors(model, name)
+            yield from checks.consistency_errors(model, name)
     for group in groups_of(readable, extents):
-        findings += checks.plausibility_warnings(model, group)
-    findings += checks.comparison_warnings(model)
+        yield from checks.plausibility_warnings(model, group)
+    yield from checks.comparison_warnings(model)
     for joint in model.joints:
         if f"joint '{joint.name}'" not in unread:
-            findings += checks.joint_findings(joint)
-    return findings
+            yield from checks.joint_findings(joint)
 
 
 def _figures(name: str, body: Body, extent: Extent | None) -> LinkFigures:

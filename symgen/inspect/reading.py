@@ -4,6 +4,7 @@ MJCF is compiled by MuJoCo, whose model has the inertials that it infers from ge
 rejects inconsistent inertias; then the inertials written in the file are checked.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -93,19 +94,18 @@ class _Reader:
         turned = rotation @ written @ rotation.T
         return Body(m, com, (turned + turned.T) / 2)
 
-    def shape(self, node: Element, where: str, is_collision: bool) -> list[Shape]:
+    def shape(self, node: Element, where: str, is_collision: bool) -> Iterator[Shape]:
         geometry = node.find("geometry")
         place = self.placement(node, where)
         if geometry is None or place is None:
-            return []
-        shapes = []
+            return
         for solid in geometry:
             if solid.tag == "mesh":
                 scale = self.numbers(solid, "scale", 3, where, "mesh scale", np.ones(3))
                 if scale is not None:
                     file = solid.get("filename", "")
                     size = tuple(map(float, scale))
-                    shapes.append(Shape("mesh", size, *place, file, is_collision))
+                    yield Shape("mesh", size, *place, file, is_collision)
             elif solid.tag in _SIZES:
                 parts = [
                     self.numbers(solid, key, count, where, f"{solid.tag} {key}", None)
@@ -113,8 +113,7 @@ class _Reader:
                 ]
                 if all(part is not None for part in parts):
                     size = tuple(float(x) for part in parts if part is not None for x in part)
-                    shapes.append(Shape(solid.tag, size, *place, "", is_collision))
-        return shapes
+                    yield Shape(solid.tag, size, *place, "", is_collision)
 
     def joint(self, element: Element) -> list[Joint]:
         name, ends = element.get("name"), [element.find(tag) for tag in ("parent", "child")]

@@ -1,7 +1,7 @@
 """Facts of a robot for its manifest, and notes of a build for the user."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from types import MappingProxyType
 from typing import Any
@@ -186,20 +186,19 @@ def notes_of(chain: Chain, projected: dict[str, float]) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _coupled(chain: Chain) -> list[str]:
+def _coupled(chain: Chain) -> Iterator[str]:
     """Sentences about couplings and their friction."""
     if chain.coupling is None or chain.loops is not None:
-        return []
+        return
     free = [joint.name for joint in chain.coordinates]
     names = [joint.name for joint in chain.single_joints if joint.name not in free]
-    notes = [f"joints that follow others: {', '.join(names)}; q holds {', '.join(free)}"]
+    yield f"joints that follow others: {', '.join(names)}; q holds {', '.join(free)}"
     friction = list(friction_coordinates(chain))
     if len(friction) > len(free):
-        notes.append(
+        yield (
             f"friction columns of coupled coordinates exist for {', '.join(friction[: len(free)])} "
             f"only, as many as there are joints, not for {', '.join(friction[len(free) :])}"
         )
-    return notes
 
 
 def _closed(chain: Chain) -> list[str]:
@@ -222,27 +221,25 @@ def _closed(chain: Chain) -> list[str]:
     ]
 
 
-def _assumed(chain: Chain) -> list[str]:
+def _assumed(chain: Chain) -> Iterator[str]:
     """Sentences about bodies that the URDF does not state."""
     given = [link for link, source in chain.assumed.items() if source == GIVEN]
     placeholders = [link for link, source in chain.assumed.items() if source == PLACEHOLDER]
-    notes = []
     if given:
-        notes.append(
+        yield (
             f"mass of {', '.join(given)} as stated by the setting masses; centre of mass and "
             "inertia are those of a solid rod between the joints"
         )
     specks = [link for link, source in chain.assumed.items() if source == MASSLESS]
     if specks:
-        notes.append(
+        yield (
             f"{', '.join(specks)} have no mass; each counts as {MASSLESS_KG:g} kg, so that "
             "forward dynamics are meaningless for a joint that moves such links alone"
         )
     if placeholders:
-        notes.append(
+        yield (
             f"no moving link has an <inertial>, so each is a placeholder of {PLACEHOLDER_MASS:g} "
             "kg: identification uses pc-ols, which needs no inertial prior; for map, state masses "
             "by --settings masses=FILE (TOML, link = kg), densities of closed meshes by --settings "
             "densities=FILE, or a prior file"
         )
-    return notes

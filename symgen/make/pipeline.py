@@ -26,7 +26,7 @@ from symgen.catalogue import LONG, make_catalogue
 from symgen.chain import Chain, read_chain
 from symgen.emit.files import controller_files, emit
 from symgen.errors import BuildError
-from symgen.kernel import Kernel
+from symgen.kernel import Kernel, Kernels
 from symgen.make import VERSION
 from symgen.make.compiler import PORTABLE, REFERENCE, compile_library, how_to_compile, level_names
 from symgen.make.facts import initial_parameters, model_facts, notes_of
@@ -162,7 +162,7 @@ class _Draft:
     """A robot whose model and configuration were read and checked."""
 
     chain: Chain
-    kernels: tuple[Kernel, ...]
+    kernels: Kernels
     facts: dict[str, Any]
     notes: tuple[str, ...]
 

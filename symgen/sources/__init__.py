@@ -13,7 +13,7 @@
 | name of a published robot | robot_descriptions or example-robot-data, where installed |
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from importlib import import_module
@@ -27,6 +27,7 @@ from runtime.common.records import record_from_toml
 from symgen.chain.dh import robot_from_rows
 from symgen.chain.document import MOVING, first_element, listing, parse
 from symgen.chain.mechanism import Mechanism
+from symgen.chain.normalise import Note
 from symgen.errors import BuildError, UrdfError
 from symgen.ros.packages import Packages, expanded
 from symgen.sources.mjcf import robot_from_mjcf
@@ -34,7 +35,7 @@ from symgen.sources.sdf import robot_from_sdf
 from symgen.sources.springs import merged
 
 
-def robot_tree(text: str, chosen: str | None, where: str, note: Callable[[str], None]) -> str:
+def robot_tree(text: str, chosen: str | None, where: str, note: Note) -> str:
     """Text of the URDF with the links of one tree; unchanged where there is one."""
     root = parse(text)
     links = {link.get("name", ""): link for link in root.findall("link")}
@@ -109,10 +110,7 @@ class Source:
 
 
 def read_source(
-    source: Source,
-    mechanism: Mechanism,
-    note: Callable[[str], None] = lambda _: None,
-    has_gravity: bool = False,
+    source: Source, mechanism: Mechanism, note: Note = lambda _: None, has_gravity: bool = False
 ) -> tuple[str, Mechanism]:
     """Text of the URDF of a robot file, and the mechanism of it and of --mechanism.
 

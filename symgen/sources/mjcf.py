@@ -14,7 +14,6 @@ An equality of tendons along joints is a coupling too. A body that floats freely
 an object of the scene and left out.
 """
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
@@ -25,7 +24,7 @@ import pinocchio
 from symgen.chain.coupling import CouplingRow
 from symgen.chain.document import add_inertial, add_joint, listing
 from symgen.chain.mechanism import Loop, Mechanism
-from symgen.chain.normalise import note_gravity
+from symgen.chain.normalise import Note, note_gravity
 from symgen.errors import BuildError
 from symgen.sources.compiled_mjcf import Bodies, compile_mjcf, rotation_of
 from symgen.sources.springs import factors_of_tendon, springs_of_mjcf
@@ -34,7 +33,7 @@ SPECK_KG = 1e-9  # mass of links between joints of one body, kg: below the round
 
 
 def robot_from_mjcf(
-    path: Path, chosen: str | None, has_gravity: bool, note: Callable[[str], None]
+    path: Path, chosen: str | None, has_gravity: bool, note: Note
 ) -> tuple[str, Mechanism]:
     """URDF of an MJCF file, or of the body of the world of this name."""
     compiled = compile_mjcf(path)
@@ -46,12 +45,7 @@ def robot_from_mjcf(
 
 
 def robot_of_compiled(
-    model: Any,
-    name: str,
-    chosen: str | None,
-    has_gravity: bool,
-    note: Callable[[str], None],
-    where: str,
+    model: Any, name: str, chosen: str | None, has_gravity: bool, note: Note, where: str
 ) -> tuple[str, Mechanism]:
     """URDF of a compiled model of MuJoCo."""
     import mujoco
@@ -92,9 +86,7 @@ def robot_of_compiled(
     return tostring(robot, "unicode") + "\n", mechanism
 
 
-def _chosen_bodies(
-    bodies: Bodies, chosen: str | None, where: str, note: Callable[[str], None]
-) -> list[int]:
+def _chosen_bodies(bodies: Bodies, chosen: str | None, where: str, note: Note) -> list[int]:
     """Bodies of the robot: those of the chosen tree, or all but objects that float freely."""
     model, names = bodies.model, bodies.names
     root = np.array(model.body_rootid)
@@ -132,7 +124,7 @@ def _is_inside(bodies: Bodies, k: int, inside: set[int]) -> bool:
     return owner is None or all(at < 0 or owner(at) in inside for at in ends)
 
 
-def _note_compensated(model: Any, note: Callable[[str], None]) -> None:
+def _note_compensated(model: Any, note: Note) -> None:
     """Note bodies whose weight MuJoCo compensates."""
     compensated = [model.body(k).name or f"body_{k}" for k in np.flatnonzero(model.body_gravcomp)]
     if compensated:

@@ -7,7 +7,7 @@ joint of a link that has one already, and every <loop_joint>, close a loop. Sour
 1.11, sdformat.org/spec; poses with `relative_to`, axes with `expressed_in`.
 """
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from xml.etree.ElementTree import Element, ParseError, SubElement, indent, tostring
 
 import numpy as np
@@ -18,7 +18,7 @@ from defusedxml.ElementTree import fromstring
 from symgen.chain.coupling import CouplingRow
 from symgen.chain.document import add_joint, add_origin, listing, numbers
 from symgen.chain.mechanism import Loop, Mechanism, Spring
-from symgen.chain.normalise import GRAVITY, note_gravity
+from symgen.chain.normalise import GRAVITY, Note, note_gravity
 from symgen.errors import BuildError
 from symgen.sources.springs import spring_of_sdf
 
@@ -90,7 +90,7 @@ _ENDLESS = 1e15  # limit of SDF, rad or m, above which there is none
 
 
 def robot_from_sdf(
-    text: str, chosen: str | None, where: str, has_gravity: bool, note: Callable[[str], None]
+    text: str, chosen: str | None, where: str, has_gravity: bool, note: Note
 ) -> tuple[str, Mechanism]:
     """URDF of a model of an SDF file."""
     model = _model(text, chosen, where, note)
@@ -134,7 +134,7 @@ def robot_from_sdf(
     return tostring(robot, "unicode") + "\n", mechanism
 
 
-def _model(text: str, chosen: str | None, where: str, note: Callable[[str], None]) -> Element:
+def _model(text: str, chosen: str | None, where: str, note: Note) -> Element:
     """The model that is named, else the only one with moving joints, else the first."""
     try:
         root = fromstring(text, forbid_dtd=True)

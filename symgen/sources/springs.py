@@ -7,7 +7,6 @@ A [[spring]] of the same joints in a mechanism file takes the place of that of t
 springs between sites, one of the same name.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -17,6 +16,7 @@ import numpy as np
 from symgen.chain import ChainOptions, moving_joints
 from symgen.chain.document import numbers
 from symgen.chain.mechanism import Mechanism, Spring
+from symgen.chain.normalise import Note
 from symgen.errors import BuildError
 from symgen.sources.compiled_mjcf import Bodies
 
@@ -72,7 +72,7 @@ def merged(of_file: tuple[Spring, ...], stated: tuple[Spring, ...]) -> tuple[Spr
 
 
 def with_springs_of_file(
-    text: str, options: ChainOptions, mechanism: Mechanism, note: Callable[[str], None]
+    text: str, options: ChainOptions, mechanism: Mechanism, note: Note
 ) -> ChainOptions:
     """Options with the mechanism of a robot file and those of its springs that a build takes.
 

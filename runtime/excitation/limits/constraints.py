@@ -1,5 +1,7 @@
 """Constraints of a design that are not linear in its coefficients, from `Safety` and manifest."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from runtime.errors import IdentificationError
@@ -43,13 +45,12 @@ def constraints(
     return (*chosen, *_torques(lib, safety), *_tip(lib, safety), *distances(lib, safety))
 
 
-def _torques(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
+def _torques(lib: Library, safety: Safety) -> Iterator[TimedConstraint]:
     limits, n = lib.limits(), lib.n_joints
     viscous, coulomb = (_per_joint(lib, name, getattr(safety, name)) for name in _FRICTION)
     coulomb = (1 + safety.friction_band) * coulomb
     pi, band = with_load(lib.pi0, safety.carried), _band(lib, safety, viscous)
     rest = viscous, lib.joint_names, band, known_torque_of(lib)
-    chosen: list[TimedConstraint] = []
     if np.isfinite(limits["effort"]).any():
         limit = safety.torque_fraction * limits["effort"] - coulomb
         if not (limit > 0).all():
@@ -60,10 +61,9 @@ def _torques(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
                 f"'{lib.joint_names[j]}', {100 * safety.torque_fraction:g} % of "
                 f"{limits['effort'][j]:g} {unit}; lower the friction or raise the share"
             )
-        chosen.append(TorqueLimit(0, lib, pi, limit, *rest))
+        yield TorqueLimit(0, lib, pi, limit, *rest)
     if np.isfinite(limits["torque_rate"]).any():
-        chosen.append(TorqueLimit(1, lib, pi, np.broadcast_to(limits["torque_rate"], (n,)), *rest))
-    return tuple(chosen)
+        yield TorqueLimit(1, lib, pi, np.broadcast_to(limits["torque_rate"], (n,)), *rest)
 
 
 def _band(lib: Library, safety: Safety, viscous: Array) -> ModelBand | None:
@@ -85,15 +85,13 @@ def _per_joint(lib: Library, name: str, values: tuple[float, ...]) -> Array:
     return np.broadcast_to(np.array(values or (0.0,), dtype=float), (lib.n_joints,)).copy()
 
 
-def _tip(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
-    chosen: list[TimedConstraint] = []
+def _tip(lib: Library, safety: Safety) -> Iterator[TimedConstraint]:
     if safety.box is not None:
         ends = np.array(safety.box, dtype=float)
-        chosen.append(distance_limits.TipBox(lib, ends[::2], ends[1::2]))
+        yield distance_limits.TipBox(lib, ends[::2], ends[1::2])
     speed = float(lib.limits()["tip_speed"])
     if np.isfinite(speed):
-        chosen.append(distance_limits.TipSpeed(lib, speed))
-    return tuple(chosen)
+        yield distance_limits.TipSpeed(lib, speed)
 
 
 def require_rest(limits: tuple[Constraint, ...], home: Array) -> None:
@@ -160,23 +158,21 @@ def _obstacle_distances(lib: Library, safety: Safety) -> tuple[TimedConstraint, 
     return (BoxClearance(OBSTACLE, tuple(labels), lib, margin, boxes, tuple(proxies)),)
 
 
-def _carried_distances(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
+def _carried_distances(lib: Library, safety: Safety) -> Iterator[TimedConstraint]:
     """Distances of the carried box from links that it is not fixed to, and from the table."""
     body = safety.carried
     if body is None or body.box is None:
-        return ()
-    chosen: list[TimedConstraint] = []
+        return
     box = body.box.placed(body.link)
     others = tuple(proxy for proxy in lib.proxies if proxy.joint != body.link)
     if others:
         stated = max((pair.margin for pair in lib.pairs), default=CARRIED_MARGIN)
         margin = stated if safety.clearance is None else safety.clearance
         labels = tuple(f"{LABEL} and {proxy.name}" for proxy in others)
-        chosen.append(BoxClearance("self-collision", labels, lib, margin, (box,), others))
+        yield BoxClearance("self-collision", labels, lib, margin, (box,), others)
     if safety.table is not None:
         margin = TABLE_MARGIN if safety.clearance is None else safety.clearance
-        chosen.append(CarriedHeight(lib, margin, box, safety.table))
-    return tuple(chosen)
+        yield CarriedHeight(lib, margin, box, safety.table)
 
 
 def _margins(lib: Library, clearance: float | None) -> Array:

@@ -39,7 +39,7 @@ from runtime.excitation.motion.trajectory import Trajectory
 from runtime.excitation.search.condition_cost import INFORMED_SAMPLES, ConditionCost
 from runtime.excitation.search.criteria import unseen_joints
 from runtime.excitation.search.design_settings import DesignKeywords, DesignSettings, settings_from
-from runtime.excitation.search.finish import Finished, Task, behind_count, finished, rounds
+from runtime.excitation.search.finish import Ended, Finished, Task, behind_count, finished, rounds
 from runtime.excitation.search.information import Information, in_time, projected
 from runtime.excitation.search.measures import covariance
 from runtime.excitation.search.single_start import Search
@@ -186,7 +186,6 @@ def _done(search: Search, task: Task) -> Started:
 
 
 NEARLY = 0.01  # log target above the best that is as good: the last polish changes it so
-Ended = dict[int, tuple[float, Array]]  # start or variation → target, coefficients (n, M)
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ every limit, or by more time for the same path, rounded up to whole milliseconds
 against speeds and torques. Where neither suffices, the motion is scaled by as much as it takes.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
@@ -33,6 +33,7 @@ from runtime.excitation.search.criteria import CRITERIA
 from runtime.excitation.search.single_start import TRIED, Search
 from runtime.library import Array
 
+Ended = dict[int, tuple[float, Array]]  # start or variation → target, coefficients (n, M)
 FIRST = 3  # random starts of a smooth criterion in the first round; none of them is given up
 DRAWN, FEWEST_DRAWN = 0.25, 4  # share and least number of random starts of a smooth criterion
 WARM_ROUNDS = 10  # rounds of the starts of a smooth criterion that begin near the best ones
@@ -88,7 +89,7 @@ def task_rounds(criterion: str, starts: int) -> list[tuple[int, int]]:
     return [(first, last) for first, last in pairwise([*ends, *later]) if first < last]
 
 
-def behind_count(criterion: str, starts: int, ended: Mapping[int, tuple[float, Array]]) -> int:
+def behind_count(criterion: str, starts: int, ended: Ended) -> int:
     """Number of descents of a smooth criterion that ended by the last bound of `TRIED` behind."""
     if CRITERIA[criterion].is_kinked:
         return 0
@@ -99,9 +100,7 @@ def behind_count(criterion: str, starts: int, ended: Mapping[int, tuple[float, A
     return count
 
 
-def rounds(
-    criterion: str, starts: int, ended: Mapping[int, tuple[float, Array]]
-) -> Iterator[list[Task]]:
+def rounds(criterion: str, starts: int, ended: Ended) -> Iterator[list[Task]]:
     """Tasks that may be done at once, round by round."""
     drawn = random_count(criterion, starts)
     apart = 0.0 if CRITERIA[criterion].is_kinked else SAME
@@ -111,9 +110,7 @@ def rounds(
         yield [Task(number, near, best) for number in range(first, last)]
 
 
-def _best(
-    ended: Mapping[int, tuple[float, Array]], apart: float
-) -> tuple[float, tuple[Array, ...]]:
+def _best(ended: Ended, apart: float) -> tuple[float, tuple[Array, ...]]:
     """Target of the best and coefficients of all parents, whose distances are `apart` or more."""
     chosen: list[tuple[float, Array]] = []
     for number in sorted(ended, key=lambda number: (ended[number][0], number)):

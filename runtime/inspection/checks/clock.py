@@ -18,7 +18,7 @@ import numpy as np
 from runtime.common.tables import significant
 from runtime.errors import RecordingError
 from runtime.inspection.checks.signals import moving_joints
-from runtime.inspection.finding import ERROR, INFO, WARNING, Finding
+from runtime.inspection.finding import ERROR, INFO, WARNING, Checked, Finding
 from runtime.library import Array, Library, Mask
 from runtime.recording import Preparation, Recipe, Recording
 from runtime.recording.preprocessing.segments import HOLE, JITTER, repair_clock
@@ -42,7 +42,7 @@ CLEAR = 4.0  # steps with r = 2 over those between, so that noise is excluded
 FEWEST_ROWS = 100
 
 
-def order_of_time(raw: Raw, plan: Recipe) -> tuple[Recipe, list[Finding]]:
+def order_of_time(raw: Raw, plan: Recipe) -> Checked:
     """Time stamps that do not increase."""
     if "time" not in raw.values:
         return plan, []
@@ -69,9 +69,7 @@ def order_of_time(raw: Raw, plan: Recipe) -> tuple[Recipe, list[Finding]]:
     ]
 
 
-def clock(
-    recording: Recording, plan: Recipe, raw: Raw, lib: Library
-) -> tuple[Recipe, list[Finding]]:
+def clock(recording: Recording, plan: Recipe, raw: Raw, lib: Library) -> Checked:
     """Repeated states, dropped samples, jitter and holes."""
     logged = raw.values["position"]
     preparation, findings = _stale(

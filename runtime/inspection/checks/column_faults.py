@@ -17,7 +17,7 @@ from runtime.estimators import column_faults as faults
 from runtime.estimators.column_faults import ColumnFault, ColumnFaults
 from runtime.estimators.regression.posterior import least_squares
 from runtime.inspection.checks.torque_rows import TorqueRows
-from runtime.inspection.finding import INFO, WARNING, Finding, joint_list, numbers
+from runtime.inspection.finding import INFO, WARNING, Checked, Finding, joint_list, numbers
 from runtime.library import Array, Integers, Library
 from runtime.recording import Recipe, Recording
 
@@ -30,7 +30,7 @@ ALIKE = 0.05  # difference of E that decides nothing: wrist joints carry little 
 ROWS = 60  # number of rows that E is computed on
 
 
-def joint_order(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, list[Finding]]:
+def joint_order(recording: Recording, plan: Recipe, lib: Library) -> Checked:
     """Order of the joints that fits limits and gravity torque much better than the present one."""
     n = lib.n_joints
     beyond = beyond_limits(recording.q, lib)
@@ -116,7 +116,7 @@ def _with_springs(measured: Array, model: Array, springs: Array) -> Array:
     return np.array(errors)
 
 
-def column_faults(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]:
+def column_faults(torque_rows: TorqueRows, plan: Recipe) -> Checked:
     """Sign and order of the columns, by the torque of the URDF and by friction, which brakes."""
     lib = torque_rows.lib
     seen = faults.column_faults(lib, torque_rows.samples)

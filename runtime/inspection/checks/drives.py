@@ -20,7 +20,7 @@ from runtime.estimators.regression.recorded_delay import (
     stated_delay,
 )
 from runtime.estimators.regression.samples import NORMAL_95, Samples, samples_of
-from runtime.inspection.finding import INFO, WARNING, Finding
+from runtime.inspection.finding import INFO, WARNING, Checked, Finding
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recipe, Recording
 from runtime.recording.friction.columns import ROTOR
@@ -56,7 +56,7 @@ def commanded(recording: Recording, plan: Recipe) -> list[Finding]:
     return [Finding("commanded_torque", INFO, sentence, evidence)]
 
 
-def law_gain(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, list[Finding]]:
+def law_gain(recording: Recording, plan: Recipe, lib: Library) -> Checked:
     """Gains that carry the links of the URDF: τ_law = Y π0 / c + F φ with one c for all joints."""
     law = plan.law
     if law is None or not isinstance(law.kp, float | tuple):
@@ -153,9 +153,7 @@ def delay_of_measured(
     return [Finding("time_shift", WARNING, sentence, evidence), stated]
 
 
-def delay(
-    recording: Recording, lib: Library, plan: Recipe, terms: Friction
-) -> tuple[Recipe, list[Finding]]:
+def delay(recording: Recording, lib: Library, plan: Recipe, terms: Friction) -> Checked:
     """Delay of a commanded torque by the loss over the delay, links of the URDF, drives free."""
     seen = recorded_delay(recording, lib, plan.preparation, terms)
     value = seen.delay_s

@@ -23,7 +23,7 @@ from runtime.inspection.checks.columns import (
     by_joint,
     meaning,
 )
-from runtime.inspection.finding import ERROR, INFO, WARNING, Finding
+from runtime.inspection.finding import ERROR, INFO, WARNING, Checked, Finding
 from runtime.recording import Recipe
 from runtime.recording.formats import format_of_suffix
 from runtime.recording.formats.log_format import LogReader
@@ -110,9 +110,7 @@ def _incomplete(kind: str, part: dict, joints: int) -> Finding:
     return Finding("incomplete_signal", WARNING, sentence)
 
 
-def _recipe(
-    place: Path, signals: Group, joints: int, rate_hz: float | None
-) -> tuple[Recipe, list[Finding]]:
+def _recipe(place: Path, signals: Group, joints: int, rate_hz: float | None) -> Checked:
     def wide(part: dict) -> bool:
         where = part["where"]
         return "cells" in where or len(where.get("columns", ())) in {0, joints}

@@ -43,7 +43,7 @@ from runtime.estimators.regression.factor import reduced_of
 from runtime.estimators.regression.posterior import least_squares, orthonormal, posterior_of
 from runtime.estimators.regression.samples import Samples
 from runtime.inspection.checks.torque_rows import EPSILON, TorqueRows, partial_slope
-from runtime.inspection.finding import ERROR, WARNING, Finding, joint_list
+from runtime.inspection.finding import ERROR, WARNING, Checked, Finding, joint_list
 from runtime.library import Array, Integers, Library
 from runtime.recording import Recipe
 
@@ -127,7 +127,7 @@ class SignTrial:
     free: float  # residual of least squares over the torque
 
 
-def gravity(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]:
+def gravity(torque_rows: TorqueRows, plan: Recipe) -> Checked:
     """Sign of τ and of gravity by friction, else by the residual of consistent bodies; its axis."""
     evidence_of_joints = torque_evidence(torque_rows)
     if evidence_of_joints.gravity_is_against and evidence_of_joints.friction_sign:
@@ -144,9 +144,7 @@ def gravity(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding
     return plan, []
 
 
-def _by_friction(
-    lib: Library, plan: Recipe, evidence: TorqueEvidence
-) -> tuple[Recipe, list[Finding]]:
+def _by_friction(lib: Library, plan: Recipe, evidence: TorqueEvidence) -> Checked:
     """The finding where τ is opposite to the gravity torque, by the sign of friction."""
     loaded = [int(j) for j in evidence.opposite]
     slopes = ", ".join(f"{evidence.gravity[j]:.2g}" for j in loaded)
@@ -195,7 +193,7 @@ def _reversed(
     best: SignTrial,
     trials: list[SignTrial],
     evidence: dict,
-) -> tuple[Recipe, list[Finding]]:
+) -> Checked:
     """The finding of a better case: reversed torque, compensated gravity, or an arm mounted so."""
     rivals = [t for t in trials if t is not best and t.consistent < ALIKE * best.consistent]
     doubt = f" (the motion is too slow to exclude {_name(rivals[0])})" if rivals else ""

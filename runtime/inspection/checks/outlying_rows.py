@@ -15,7 +15,7 @@ import itertools
 import numpy as np
 from scipy.ndimage import median_filter
 
-from runtime.inspection.finding import WARNING, Finding, joint_list
+from runtime.inspection.finding import WARNING, Checked, Finding, joint_list
 from runtime.library import Array, Library, Mask
 from runtime.recording import Recipe, Recording
 from runtime.recording.preprocessing.segments import holes, runs
@@ -41,7 +41,7 @@ not stand still."""
 _SIGNALS = {"q": "positions", "dq": "velocities", "tau": "torques"}
 
 
-def outlying_rows(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, list[Finding]]:
+def outlying_rows(recording: Recording, plan: Recipe, lib: Library) -> Checked:
     """Outliers of positions, velocities and torques."""
     if len(recording) < FEWEST_ROWS:
         return plan, []
@@ -163,7 +163,7 @@ def _sentence(key: str, values: Array, mark: Mask, lib: Library) -> str:
     return f"{_NAMES[key]} of {names} in {count} rows, up to {peaks[joints].max():.3g}{effort}"
 
 
-def frozen(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, list[Finding]]:
+def frozen(recording: Recording, plan: Recipe, lib: Library) -> Checked:
     """Intervals in which signals of all joints keep their value, though q or others move on."""
     if len(recording) < FROZEN_ROWS:
         return plan, []

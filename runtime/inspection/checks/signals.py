@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from runtime.estimators.regression.posterior import least_squares
-from runtime.inspection.finding import ERROR, INFO, WARNING, Finding, joint_list, numbers
+from runtime.inspection.finding import ERROR, INFO, WARNING, Checked, Finding, joint_list, numbers
 from runtime.library import Array, Library
 from runtime.recording import Recipe, Recording
 from runtime.recording.consistency import unsigned_sentence, unwrap
@@ -219,9 +219,7 @@ CLOSED = 0.05  # distance of the gain b/(1 − a) of a filter from 1
 FEWEST_ROWS = 200  # rows that the regression needs
 
 
-def velocity_pairs(
-    recording: Recording, plan: Recipe, lib: Library
-) -> tuple[Recipe, list[Finding]]:
+def velocity_pairs(recording: Recording, plan: Recipe, lib: Library) -> Checked:
     """Order and sign of dq, by the correlation with the derivative of q."""
     if recording.dq is None or plan.velocity is None or len(recording) < 10:
         return plan, []
@@ -260,9 +258,7 @@ def velocity_pairs(
     return plan.replace(velocity=changes), findings
 
 
-def constant_velocity(
-    recording: Recording, plan: Recipe, lib: Library
-) -> tuple[Recipe, list[Finding]]:
+def constant_velocity(recording: Recording, plan: Recipe, lib: Library) -> Checked:
     """Velocities that are constant while q moves; all are computed from q then, but for a law."""
     if recording.dq is None:
         return plan, []
@@ -304,9 +300,7 @@ def _smooth(values: Array, width: int = 9) -> Array:
     return np.asarray(sums[width:] - sums[:-width]) / width
 
 
-def velocity_filter(
-    recording: Recording, plan: Recipe, lib: Library
-) -> tuple[Recipe, list[Finding]]:
+def velocity_filter(recording: Recording, plan: Recipe, lib: Library) -> Checked:
     """Velocities that are a first-order filter of the differences of q, by least squares."""
     if recording.dq is None or plan.velocity is None or len(recording) < FEWEST_ROWS or plan.law:
         return plan, []

@@ -14,7 +14,7 @@ import numpy as np
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.posterior import least_squares
 from runtime.estimators.regression.samples import Samples, samples_of
-from runtime.inspection.finding import ERROR, Finding
+from runtime.inspection.finding import ERROR, Checked, Finding
 from runtime.library import Array, Integers, Library, Mask
 from runtime.recording import Friction, Preparation, Recipe, Recording
 from runtime.recording.friction.columns import ROTOR
@@ -111,7 +111,7 @@ BEYOND = 10.0  # largest torque over the effort, median of joints, from which τ
 USUAL = (0.5, 2.0)  # slopes that the errors of a URDF explain
 
 
-def scale(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]:
+def scale(torque_rows: TorqueRows, plan: Recipe) -> Checked:
     """Unit and gains of τ, from the slopes of the joints that gravity or inertia load."""
     slopes, is_used = slopes_to_model(torque_rows)
     if plan.torque is None or not is_used.any():

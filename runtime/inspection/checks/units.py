@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 
 from runtime.estimators.regression.posterior import least_squares
 from runtime.inspection.checks.column_faults import BEYOND, ROWS, beyond_limits, mismatches
-from runtime.inspection.finding import ERROR, WARNING, Finding, joint_list, numbers
+from runtime.inspection.finding import ERROR, WARNING, Checked, Finding, joint_list, numbers
 from runtime.library import Array, Library
 from runtime.recording import Recipe, Recording
 from runtime.recording.consistency import slopes_of, unwrap
@@ -31,7 +31,7 @@ USUAL_RATES = (2.0, 2e4)  # rates of loggers, Hz
 _ANGULAR = {"position": ("rad", "deg"), "velocity": ("rad/s", "deg/s", "rpm")}
 
 
-def units(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, list[Finding]]:
+def units(recording: Recording, plan: Recipe, lib: Library) -> Checked:
     """Unit of q by the limits of the joints, then units of dq and t by the slope s."""
     findings: list[Finding] = []
     factor = _position_factor(recording.q, lib)
@@ -78,7 +78,7 @@ def units(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, lis
 
 def _velocity_and_time(
     seen: float, slopes: Array, recording: Recording, plan: Recipe, findings: list[Finding]
-) -> tuple[Recipe, list[Finding]]:
+) -> Checked:
     """Pair of units of t and dq, closest to that of the recipe, that makes s = 1."""
     if abs(seen - 1.0) < SLOPE:
         return plan, findings
@@ -113,7 +113,7 @@ def _velocity_and_time(
 
 def _in_units(
     seen: float, clock: float, speed: float, plan: Recipe, findings: list[Finding], rate: float
-) -> tuple[Recipe, list[Finding]]:
+) -> Checked:
     if clock != 1.0 and plan.time is not None:
         factor = UNITS["time"][plan.time.unit] * clock
         unit = min(UNITS["time"], key=lambda u: abs(np.log(UNITS["time"][u] / factor)))

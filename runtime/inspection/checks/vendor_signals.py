@@ -9,7 +9,7 @@ kinova-ros #366, xarm_ros2 #98, piper_sdk #73 and its Q&A.
 import re
 from dataclasses import dataclass, replace
 
-from runtime.inspection.finding import ERROR, INFO, WARNING, Finding
+from runtime.inspection.finding import ERROR, INFO, WARNING, Checked, Finding
 from runtime.library import Library
 from runtime.recording import Recipe
 
@@ -141,7 +141,7 @@ def plain_title(title: str) -> str:
     return re.sub(r"[_\-]*\d*$", "", bare).lower()
 
 
-def vendor_torque(plan: Recipe, lib: Library, is_drafted: bool) -> tuple[Recipe, list[Finding]]:
+def vendor_torque(plan: Recipe, lib: Library, is_drafted: bool) -> Checked:
     """Meaning of the torque column of a known maker."""
     known = vendor_signal(plan, lib)
     if known is None or plan.torque is None:

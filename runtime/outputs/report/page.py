@@ -6,7 +6,7 @@ zoom and filter only.
 
 import re
 from base64 import b64encode
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
@@ -116,15 +116,13 @@ def _environment() -> Environment:
     )
 
 
-def anchors(sections: Iterable[Section]) -> tuple[str, ...]:
+def anchors(sections: Iterable[Section]) -> Iterator[str]:
     """Unique HTML ids of sections, from their titles."""
     taken: dict[str, int] = {}
-    names = []
     for section in sections:
         slug = re.sub(r"[^a-z0-9]+", "-", section.title.lower()).strip("-") or "section"
         taken[slug] = taken.get(slug, 0) + 1
-        names.append(f"s-{slug}" if taken[slug] == 1 else f"s-{slug}-{taken[slug]}")
-    return tuple(names)
+        yield f"s-{slug}" if taken[slug] == 1 else f"s-{slug}-{taken[slug]}"
 
 
 def _asset(name: str) -> str:

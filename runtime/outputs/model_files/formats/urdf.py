@@ -1,5 +1,6 @@
 """The URDF of the kernels with identified inertials and joint friction; all else is unchanged."""
 
+from collections.abc import Iterator
 from functools import partial
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
@@ -52,19 +53,17 @@ def urdf_text(model: IdentifiedModel) -> str:
     return HEAD + comment + tostring(tree.root, "unicode") + "\n"
 
 
-def _remove_driving_friction(tree: Tree) -> list[str]:
+def _remove_driving_friction(tree: Tree) -> Iterator[str]:
     """Remove published friction below zero, which would drive the joint; one note per value."""
-    removed = []
     for joint in tree.root.findall("joint"):
         for node in joint.findall("dynamics"):
             for key, text in list(node.attrib.items()):
                 if key in {"damping", "friction"} and number(text, key) < 0:
                     del node.attrib[key]
-                    removed.append(
+                    yield (
                         f"The published {key} of {joint.get('name')}, {text}, is negative and "
                         "was removed."
                     )
-    return removed
 
 
 URDF = ExportFormat(

@@ -141,8 +141,7 @@ class Driver(ABC):
 
     def references(self, motion: DriverMotion) -> Iterator[Reference]:
         """References of a motion in their order, one per period, up to its end."""
-        t = sample_times(motion.duration, self.rate_hz)
-        q, dq, ddq, _ = motion.at(self.lib, t)
+        q, dq, ddq, _ = motion.at(self.lib, sample_times(motion.duration, self.rate_hz))
         for row in zip(q, dq, ddq, strict=True):
             yield Reference(*row)
 

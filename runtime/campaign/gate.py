@@ -79,10 +79,9 @@ def released(
     """Decide whether a stage may run."""
     reasons: list[str] = []
     checked = ["limits at every instant"]
-    certificate = certificate_of(lib, motion, safety)
     reasons += [
         f"the motion uses {100 * use.bound:.4g} % of the limit of {use.kind}"
-        for use in certificate.broken
+        for use in certificate_of(lib, motion, safety).broken
     ]
     if log is not None:
         checked.append("faults of the last log")

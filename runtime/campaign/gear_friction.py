@@ -360,5 +360,4 @@ def agreement_of(model: ArmModel, motion: Recording, unseen: float = 1.0) -> tup
     ripple = UNSEEN_RIPPLE * np.ptp(samples.tau, axis=0)
     friction = UNSEEN_FRICTION * np.sqrt(np.mean(samples.friction(phi) ** 2, axis=0))
     band = np.hypot(band, unseen * np.hypot(ripple, friction))
-    ratio = np.sqrt((rest**2).mean(axis=0) / (band**2).mean(axis=0))
-    return tuple(map(float, ratio))
+    return tuple(map(float, np.sqrt((rest**2).mean(axis=0) / (band**2).mean(axis=0))))

@@ -122,8 +122,7 @@ OF_WALK = (  # parameters of the command that apply to a robot with a free base
 
 
 def _compare_results(given: CompareSettings) -> None:
-    taken = {"logs", "out", "overwrite"}
-    if wrong := given.stated_beyond(taken):
+    if wrong := given.stated_beyond({"logs", "out", "overwrite"}):
         raise IdentificationError(
             f"two results are compared as they are, and {', '.join(wrong)} would change a fit; "
             "leave it out, or give a log in place of the results"
@@ -155,8 +154,7 @@ def _with_progress(
         task = progress.add_task("comparing", total=len(names), state="")
 
         def started(method: str) -> None:
-            done = names.index(method)
-            progress.update(task, description=method, completed=done, state="")
+            progress.update(task, description=method, completed=names.index(method), state="")
 
         def reported(iteration: int, best: float) -> None:
             progress.update(task, state=f"iteration {iteration}, best validation loss {best:.6g}")

@@ -62,8 +62,7 @@ def evaluate_command(given: EvaluateSettings) -> None:
         print_errors(f"{lib.name}: errors on {Path(given.log).name}", names, *of_rows.values())
         say_notes(notes)
         return
-    steps = given.values("recipe", "run", "cutoff", "rate")
-    done = evaluate(given.result, given.log, lib, **steps)
+    done = evaluate(given.result, given.log, lib, **given.values("recipe", "run", "cutoff", "rate"))
     if given.as_json:
         print(json_text(done.to_facts(), allow_nan=True), end="")
         return

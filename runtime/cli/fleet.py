@@ -104,7 +104,6 @@ def _facts(
     lib: Library, units: list[Unit], fit: FleetFit, friction: FleetFriction, out: Path
 ) -> dict[str, Any]:
     low, high = fit.interval
-    centre = links(fit.centre)
     return {
         "robot": lib.name,
         "prior": str(out),
@@ -124,7 +123,7 @@ def _facts(
         ],
         "links": [
             {"name": name, "mass": float(mass(body))}
-            for name, body in zip(lib.link_names, centre, strict=True)
+            for name, body in zip(lib.link_names, links(fit.centre), strict=True)
         ],
         "friction_columns": list(friction.columns),
     }

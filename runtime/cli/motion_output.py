@@ -157,8 +157,7 @@ def certified_stages(
     for percent in percents:
         stage = motion
         if percent != 100:
-            slow = motion.trajectory.slowed(percent / 100)
-            stage = certified(motion.lib, slow, motion.safety)
+            stage = certified(motion.lib, motion.trajectory.slowed(percent / 100), motion.safety)
         stages[percent] = stage
     for percent, stage in stages.items():
         for line in certificate_headline(stage.certificate, percent):

@@ -221,5 +221,4 @@ def gain_table(steps: Sequence[accuracy.GainOfRecording]) -> Table:
             (f"{step.seconds:g} s", *cells, f"{len(step.gaining)} of {len(step.gains)}", top)
         )
     head = ("more", *names, "largest", "above 10 %", "largest gain of")
-    title = f"expected gain of σ by more of {steps[0].motion}, %"
-    return Table(head, tuple(rows), title=title)
+    return Table(head, tuple(rows), title=f"expected gain of σ by more of {steps[0].motion}, %")

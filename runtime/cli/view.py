@@ -55,8 +55,7 @@ def view_command(given: ViewSettings) -> None:
         say(f"drawn:  {look.sentence}")
         if given.html is not None:
             times = np.arange(0.0, played.duration + FRAME_S / 2, FRAME_S)
-            film = scene.film(np.array([played.at(float(t))[0] for t in times]))
-            write_text(given.html, film)
+            write_text(given.html, scene.film(np.array([played.at(float(t))[0] for t in times])))
             say(f"film:   {given.html}")
             return
         say(f"viewer: {scene.url} (Ctrl-C ends it)")

@@ -240,8 +240,7 @@ def model_tests(
             f"the result leaves {misfit:.2g} times as much of the training torque unexplained as "
             "its noise and the prior allow, so the method stopped short of the data; use map"
         )
-    doubts = (doubt,) if doubt else ()
-    return ModelTests(doubts, tuple(errors), _of_limits(lib, causes), causes)
+    return ModelTests((doubt,) if doubt else (), tuple(errors), _of_limits(lib, causes), causes)
 
 
 def sentence_of(lib: Library, named: tuple[Cause, ...]) -> str:

@@ -161,8 +161,7 @@ def negative_share(columns: Array, tau: Array, phi: Array, names: Sequence[str])
     size = np.sqrt(np.mean(np.square(columns), axis=0)) * np.abs(phi)
     torque = np.sqrt(np.mean(np.square(tau), axis=0))
     share = np.divide(size, torque[:, None], out=np.zeros(shape), where=torque[:, None] > 0)
-    wrong = (phi < 0) & _nonnegative(names, shape).reshape(shape)
-    return np.where(wrong, share, 0.0)
+    return np.where((phi < 0) & _nonnegative(names, shape).reshape(shape), share, 0.0)
 
 
 def _evidence(statistics: Statistics, first: Array, held: Mask) -> Array:

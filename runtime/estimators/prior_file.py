@@ -124,8 +124,7 @@ def centre_of(stated: BodyTables, where: str, lib: Library) -> Array:
     for name, body in stated.items():
         links(centre)[lib.link_names.index(name)] = body
     if bodies_of(lib).log_det(centre) is None:
-        bad = lib.relative_eigenvalues(centre) <= 0
-        names = ", ".join(np.array(lib.link_names)[bad])
+        names = ", ".join(np.array(lib.link_names)[lib.relative_eigenvalues(centre) <= 0])
         _refuse(where, "physically consistent bodies in [centre]", f"another one for {names}")
     return centre
 

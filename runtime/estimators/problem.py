@@ -175,8 +175,7 @@ def best_friction(statistics: Statistics, pi: Array, shape: tuple[int, ...]) -> 
     """Friction coefficients (n, k) that fit best at fixed π, by least squares."""
     columns = statistics.factor[:, statistics.n_base :]
     rest = -statistics.residual(pi, np.zeros(columns.shape[1]))
-    solution = np.linalg.lstsq(columns, rest, rcond=None)[0]
-    return np.asarray(solution, dtype=float).reshape(shape)
+    return np.asarray(np.linalg.lstsq(columns, rest, rcond=None)[0], dtype=float).reshape(shape)
 
 
 def mass_unit(lib: Library, pi: Array) -> float:

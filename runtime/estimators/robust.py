@@ -164,5 +164,4 @@ def _residual(lib: Library, rows: Samples, part: Samples, weights: Array) -> Arr
 def _block_mean(values: Array, block: Array) -> Array:
     """Mean of the rows (N, m) of every block, (blocks, m)."""
     count = np.bincount(block)
-    sums = [np.bincount(block, column) for column in values.T]
-    return np.stack(sums, axis=1) / count[:, None]
+    return np.stack([np.bincount(block, column) for column in values.T], axis=1) / count[:, None]

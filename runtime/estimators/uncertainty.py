@@ -151,8 +151,7 @@ class Uncertainty:
 
     def beside(self, lib: Library, moved: Array, phi: Array) -> "Uncertainty":
         """The same with what further unknowns move π, (10 n, m), and φ at known π, (n k, m)."""
-        first = self.root.shape[0]
-        root = np.insert(self.root, [first], moved, axis=1)
+        root = np.insert(self.root, [self.root.shape[0]], moved, axis=1)
         known = self.phi_nuisance if self.phi_nuisance.size else np.zeros((len(phi), 0))
         sigma, whole = np.linalg.norm(lib.base_matrix @ root, axis=1), np.hstack([phi, known])
         return replace(self, root=root, beta_sigma=sigma, phi_nuisance=whole)

@@ -345,8 +345,7 @@ def _prior(lib: Library, like: Statistics, samples: Samples, ratio: float) -> St
     spread = bodies_of(lib).spread(prior_of(lib, pi).centre) / np.sqrt(CAD)
     links = matrix.reshape(len(matrix), -1, N_PARAMETERS)
     root = np.einsum("bki,kij->bkj", links, spread).reshape(matrix.shape)
-    covariance = root @ root.T * (UNKNOWN**2 if lib.placeholders else 1.0)
-    values, vectors = np.linalg.eigh(covariance)
+    values, vectors = np.linalg.eigh(root @ root.T * (UNKNOWN**2 if lib.placeholders else 1.0))
     scale = np.sqrt(ratio / np.maximum(values, 1e-12 * values[-1]))
     rows = scale[:, None] * vectors.T
     torque = np.sqrt(np.mean(samples.tau**2, axis=0))

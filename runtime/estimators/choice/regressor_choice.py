@@ -354,8 +354,7 @@ def choose_regressor(
 
 def _white_variance(t: Array, values: Array) -> Array:
     """Variance of white noise, (n,): mean square of the eighth differences over Σ binomial²."""
-    parts = [np.diff(values[part], _ORDER, axis=0) for part in segments(t)]
-    whole = np.concatenate(parts)
+    whole = np.concatenate([np.diff(values[part], _ORDER, axis=0) for part in segments(t)])
     power = np.sum(whole**2, axis=0) / max(len(whole), 1)
     return np.asarray(power / comb(2 * _ORDER, _ORDER))
 

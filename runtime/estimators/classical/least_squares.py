@@ -42,8 +42,7 @@ class Solution:
 
 def fit_ols(problem: Problem) -> Fit:
     """Identify base parameters and friction together by ordinary least squares."""
-    equal = np.ones(problem.train.equations)
-    statistics = problem.statistics(equal)
+    statistics = problem.statistics(np.ones(problem.train.equations))
     solution, notes = bounded(problem, statistics)
     text = f"solved by QR; condition number of the normalised columns {solution.condition:.1f}"
     return fit_of_base(problem, solution.beta, solution.phi, text, notes=notes)
@@ -146,8 +145,7 @@ def fit_of_pi(problem: Problem, pi: Array, phi: Array, status: str, **facts: Any
     """Return the result of a method that estimates π, with further facts."""
     lib = problem.lib
     is_consistent = bool((lib.relative_eigenvalues(pi) > 0).all() and (mass(links(pi)) > 0).all())
-    lam = lib.lam_from_pi(pi) if is_consistent else None
-    return Fit(pi, phi, lam, status, **facts)
+    return Fit(pi, phi, lib.lam_from_pi(pi) if is_consistent else None, status, **facts)
 
 
 def fit_wls(problem: Problem) -> Fit:

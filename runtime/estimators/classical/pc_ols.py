@@ -102,8 +102,7 @@ def _nearest(lib: Library, statistics: Statistics, guess: Array) -> Fit:
     edge = lib.relative_eigenvalues(best.pi).min() < BOUNDARY
     status = f"{how} {SLACK:g} of the convex optimum {best.loss:.6g} ({best.status})"
     status += ", which lies on the boundary of consistency" if edge else ""
-    lam = lib.lam_from_pi(pi)
-    return Fit(pi, eliminated.phi(pi), lam, status, path.steps, optimum=best.loss)
+    return Fit(pi, eliminated.phi(pi), lib.lam_from_pi(pi), status, path.steps, optimum=best.loss)
 
 
 def _followed(

@@ -112,8 +112,7 @@ def _inside(constraints: Constraints, prior: Prior, whiten: Array) -> Array:
     cost, matrix = np.concatenate([zero(size), [-ROOM_COST, 1.0]]), csc_matrix(np.vstack(blocks))
     solution = solved_cone(cost, matrix, np.concatenate(sides), cones)
     status, x = str(solution.status), np.array(solution.x)
-    solved = status in {"Solved", "AlmostSolved"}
-    if not solved or x[size] < LEAST_ROOM:
+    if status not in {"Solved", "AlmostSolved"} or x[size] < LEAST_ROOM:
         _contradiction(constraints, np.abs(np.array(solution.z)))
     return np.asarray(prior.centre + back @ x[:size])
 

@@ -63,8 +63,7 @@ class Bodies:
             lower = np.linalg.cholesky(self.pseudo_inertia(pi))
         except np.linalg.LinAlgError:
             return None
-        diagonal = np.diagonal(lower, axis1=1, axis2=2)
-        return np.asarray(2 * np.log(diagonal).sum(axis=1))
+        return np.asarray(2 * np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1))
 
     def curvature(self, pi: Array) -> tuple[Array, Array]:
         """Traces tr(P_k⁻¹ B_i), (n, 10), and tr(P_k⁻¹ B_i P_k⁻¹ B_j), (n, 10, 10)."""
@@ -128,8 +127,7 @@ def prior_from(bodies: Bodies, centre: Array, notes: tuple[str, ...] = ()) -> Pr
 def prior_of(lib: Library, pi: ArrayLike | None = None, floor: float = THIN) -> Prior:
     """Entropic prior of a robot about π, with the eigenvalues of Σ_com raised to a floor."""
     given = lib.pi0 if pi is None else np.asarray(pi, dtype=float)
-    masses = mass(links(given))
-    usable = np.isfinite(links(given)).all(axis=1) & (masses > 0)
+    usable = np.isfinite(links(given)).all(axis=1) & (mass(links(given)) > 0)
     if not usable.all():
         bad = [name for name, good in zip(lib.link_names, usable, strict=True) if not good]
         raise IdentificationError(

@@ -74,8 +74,7 @@ def fit_map(
     # Weights from the residuals of a thinned log, then of all samples.
     for _ in range(PASSES):
         phi, (minimum, _), _ = solved(compress(lib, few, weights))
-        rest = residuals(lib, few, minimum.pi, phi)
-        sigma = noise(rest, lib, phi.size)
+        sigma = noise(residuals(lib, few, minimum.pi, phi), lib, phi.size)
         if floor is not None:
             sigma = np.maximum(sigma, floor.sigma)
         weights = weights_from(sigma, few.tau)

@@ -255,8 +255,7 @@ def minimise_anywhere(problem: ConvexProblem, start: Array | None = None) -> Min
         at, steps = stage.pi, steps + stage.steps
         if not stage.converged:
             break
-    reached = Minimum(problem, at, stage.loss, stage.decrement, steps, stage.converged)
-    return better(direct, reached)
+    return better(direct, Minimum(problem, at, stage.loss, stage.decrement, steps, stage.converged))
 
 
 def better(direct: Minimum, continued: Minimum) -> Minimum:

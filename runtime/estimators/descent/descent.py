@@ -94,8 +94,7 @@ def least_squares(statistics: Statistics, unit: Array) -> LeastSquares:
     columns = statistics.factor.copy()
     columns[:, statistics.n_base :] *= unit.ravel()
     width = len(statistics.target)
-    rows = np.column_stack([columns, statistics.target])
-    triangle = np.asarray(np.linalg.qr(rows, mode="r"))
+    triangle = np.asarray(np.linalg.qr(np.column_stack([columns, statistics.target]), mode="r"))
     return LeastSquares(triangle[:, :width], triangle[:, width], statistics.rest, scale)
 
 

@@ -131,8 +131,7 @@ def _adam_problem(descent: Descent, batch: int | None) -> AdamProblem:
     samples = None
     if batch is not None:
         s = problem.train
-        columns = (s.columns * unit).reshape(len(s), -1)
-        samples = np.hstack([s.q, s.dq, s.ddq, s.tau, columns])
+        samples = np.hstack([s.q, s.dq, s.ddq, s.tau, (s.columns * unit).reshape(len(s), -1)])
     parts = descent.statistics, descent.validation
     training, held = (least_squares(each, unit) for each in parts)
     return AdamProblem(descent.x0, training, held, samples, problem.weights)

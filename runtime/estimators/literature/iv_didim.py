@@ -224,8 +224,7 @@ def _along(problem: Problem, now: Solution, log: Origin, controller: ClosedLoop)
     friction |= {n: np.maximum(x, 0.0) for n, x in friction.items() if COLUMNS[n].is_passive}
     speed = {"coulomb_speed": log.friction.coulomb_speed} if COULOMB.name in names else {}
     pi = pi_of_beta(problem, now.beta)
-    motion = controller.simulate(problem.lib, pi, friction | speed, log.recording.t)
-    return log.aligned(motion)
+    return log.aligned(controller.simulate(problem.lib, pi, friction | speed, log.recording.t))
 
 
 def _instrumental(lib: Library, z: Samples, x: Samples, weights: Array) -> tuple[Solution, Array]:

@@ -352,8 +352,7 @@ def _root(p: Array) -> Array:
         return np.asarray(np.linalg.cholesky(p), dtype=float)
     except np.linalg.LinAlgError:
         values, vectors = np.linalg.eigh(p)
-        raised = np.maximum(values, _RIDGE * values[-1])
-        return np.asarray(vectors * np.sqrt(raised))
+        return np.asarray(vectors * np.sqrt(np.maximum(values, _RIDGE * values[-1])))
 
 
 def _points(lib: Library, x: Array, root: Array, reach: Array) -> tuple[Array, Array]:

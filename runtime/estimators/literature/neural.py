@@ -55,8 +55,7 @@ class FrictionNet:
     def __call__(self, columns: Array) -> Array:
         """Friction torque (N, n), N·m, from friction columns (N, n, k)."""
         inputs = [columns[:, j] / scale for j, scale in enumerate(self.scale)]
-        parts = map(_forward, self.theta, inputs)
-        return np.stack([y for y, _ in parts], axis=1)
+        return np.stack([y for y, _ in map(_forward, self.theta, inputs)], axis=1)
 
 
 def train(
@@ -98,8 +97,7 @@ def _parts(theta: Array, k: int) -> tuple[Array, Array, Array, Array]:
 
 def _slopes(theta: Array, x: Array, hidden: Array) -> Array:
     """∂y/∂θ, (N, size)."""
-    v = _parts(theta, x.shape[1])[2]
-    bent = (1 - hidden**2) * v
+    bent = (1 - hidden**2) * _parts(theta, x.shape[1])[2]
     deep = (bent[:, :, None] * x[:, None, :]).reshape(len(x), -1)
     return np.concatenate([deep, bent, hidden, np.ones((len(x), 1))], axis=1)
 
@@ -122,8 +120,7 @@ def _trained(theta: Array, x: Array, target: Array, decay: float) -> Array:
         slopes = _slopes(theta, x, hidden)
         gram = slopes.T @ slopes + shrink * np.eye(theta.size)
         gradient = slopes.T @ rest + shrink * theta
-        scaled = gram + damping * np.diag(np.diag(gram))
-        moved = theta + np.linalg.solve(scaled, -gradient)
+        moved = theta + np.linalg.solve(gram + damping * np.diag(np.diag(gram)), -gradient)
         tried = loss_at(moved)
         if tried[0] < loss:
             is_flat = (loss - tried[0]) / loss < _FLAT
@@ -149,8 +146,7 @@ def fit_neural(problem: Problem) -> Fit:
         rng = np.random.default_rng([problem.seed, round_])
         target, held = _rest(problem, data, fit), _rest(problem, unseen, fit)
         net = train(data.columns, target, unseen.columns, held, rng)
-        without = with_torque(data, data.tau - net(data.columns))
-        fit = fit_map(replace(problem, train=without))
+        fit = fit_map(replace(problem, train=with_torque(data, data.tau - net(data.columns))))
     learned = int(np.sum(np.any(net.theta, axis=1)))
     left = _rest(problem, unseen, fit) - net(unseen.columns)
     status = (
@@ -163,8 +159,7 @@ def fit_neural(problem: Problem) -> Fit:
 
 
 def _rest(problem: Problem, samples: Samples, fit: Fit) -> Array:
-    rigid = samples.rigid(problem.lib, fit.pi)
-    return samples.tau - rigid - samples.friction(fit.phi)
+    return samples.tau - samples.rigid(problem.lib, fit.pi) - samples.friction(fit.phi)
 
 
 NEURAL = Method(

@@ -88,8 +88,7 @@ def coloured_noise_of(
 def coloured_noise_of_rows(rows: Array, target: Array) -> ColouredNoise:
     """Noise of a linear fit whose rows fit into memory."""
     count, n, p = rows.shape
-    flat = rows.reshape(count * n, p)
-    q, flat_target = posterior.orthonormal(flat), target.ravel()
+    q, flat_target = posterior.orthonormal(rows.reshape(count * n, p)), target.ravel()
     rest = flat_target - q @ (q.T @ flat_target)
     return coloured_noise_of_basis([(q.reshape(count, n, -1), rest.reshape(count, n))], 1)
 
@@ -129,8 +128,7 @@ def shares_of_basis(q: Array) -> tuple[Array, ...]:
 
 def coloured_noise_of_shares(shares: Sequence[Array], rest: Array, unknowns: int) -> ColouredNoise:
     """Noise of a linear fit to one stretch of samples, from the shares of its columns."""
-    pieces = _pieces(len(rest), 1)
-    sums = [_sums(h, h, rest[rows]) for h, rows in zip(shares, pieces, strict=True)]
+    sums = [_sums(h, h, rest[rows]) for h, rows in zip(shares, _pieces(len(rest), 1), strict=True)]
     return _noise_from_sums(sums, float(np.sum(rest**2)), unknowns, rest.size)
 
 

@@ -92,8 +92,7 @@ class Statistics:
     def holding(self, held: Mask, values: Array) -> "Statistics":
         """Statistics in which some entries of φ, (n k,), are fixed at given values."""
         columns = self.factor[:, self.n_base :]
-        shifted = replace(self, target=self.target - columns[:, held] @ values[held])
-        return shifted.without(held)
+        return replace(self, target=self.target - columns[:, held] @ values[held]).without(held)
 
     def merged(self, *others: "Statistics") -> "Statistics":
         """Return the statistics of these and other samples together."""
@@ -225,8 +224,7 @@ def friction_unit(samples: Samples) -> Array:
     square, rms = np.mean(samples.tau**2, axis=0), samples.column_sizes()
     if len(rms) < len(square):  # rows that mix joints
         square = square.sum(keepdims=True)
-    torque = np.sqrt(square + THESIS_SIGMA**2)
-    return torque[:, None] / np.where(rms > 0, rms, 1.0)
+    return np.sqrt(square + THESIS_SIGMA**2)[:, None] / np.where(rms > 0, rms, 1.0)
 
 
 def compress(
@@ -421,5 +419,4 @@ def reduce(statistics: Statistics, joints: int) -> tuple[Reduced, Elimination]:
     kept = Elimination(upper[:rank, :rank], over_pi[:rank], target[:rank], order, lengths)
     freedom = statistics.n_samples * joints - n_base - rank
     rows, aim = (np.ascontiguousarray(each[rank:]) for each in (over_pi, target))
-    left = Reduced(rows, aim, statistics.rest, statistics.n_samples, max(freedom, 1.0))
-    return left, kept
+    return Reduced(rows, aim, statistics.rest, statistics.n_samples, max(freedom, 1.0)), kept

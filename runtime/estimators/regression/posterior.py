@@ -51,8 +51,7 @@ class Posterior:
     @property
     def share(self) -> Array:
         """Posterior over prior variance of every unknown, (p,), in (0, 1]."""
-        before = np.sum(self.prior_root**2, axis=1)
-        return np.minimum(np.sum(self.root**2, axis=1) / before, 1.0)
+        return np.minimum(np.sum(self.root**2, axis=1) / np.sum(self.prior_root**2, axis=1), 1.0)
 
     @property
     def determined(self) -> int:
@@ -124,8 +123,7 @@ def orthonormal(
     columns: Array, rank: float = ROUNDING, lengths: Array | None = None, least: float = 0.0
 ) -> Array:
     """Orthonormal basis A R of columns (m, p), to rounding over `rank`: (m, at most p)."""
-    fit = posterior_of(columns, rank=rank, lengths=lengths, least=least)
-    return np.asarray(columns @ fit.root)
+    return np.asarray(columns @ posterior_of(columns, rank=rank, lengths=lengths, least=least).root)
 
 
 def triangle_of_joints(rows: Array) -> Array:

@@ -154,8 +154,7 @@ def samples_of(recording: Recording, lib: Library) -> Samples:
         tau, coupling = (tau - known * dq).sum(axis=1, keepdims=True), None
     else:
         tau = tau - known
-    columns = data["columns"]
-    return Samples(q, dq, data.get("ddq"), tau, columns, coupling=coupling, base=rows)
+    return Samples(q, dq, data.get("ddq"), tau, data["columns"], coupling=coupling, base=rows)
 
 
 def names_of_equations(names: tuple[str, ...], count: int) -> tuple[str, ...]:

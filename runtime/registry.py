@@ -73,15 +73,14 @@ class Registry(Generic[R]):
     def _load(self, name: str) -> R:
         if name in self._builtin:
             module, attribute = self._builtin[name].split(":")
-            record: Any = getattr(import_module(module), attribute)
-        elif name in self._entry_points():
-            record = self._plugin(name)
-        else:
-            raise self._error(
-                f"there is no {self.noun} '{name}'; choose from {', '.join(self)}, or install the "
-                "package that adds it"
-            )
-        return record
+            record: R = getattr(import_module(module), attribute)
+            return record
+        if name in self._entry_points():
+            return self._plugin(name)
+        raise self._error(
+            f"there is no {self.noun} '{name}'; choose from {', '.join(self)}, or install the "
+            "package that adds it"
+        )
 
     def _plugin(self, name: str) -> R:
         point = self._entry_points()[name]

@@ -109,22 +109,15 @@ def _opened(robot: str, yes: bool) -> Library:
     try:
         place = find(robot)
     except ForeignRobotError as error:
-        if not (yes or _agreed(error)):
+        question = f"'{error.folder}' was not built by you. Run its code?"
+        can_ask = sys.stdin.isatty() and sys.stderr.isatty()
+        if not (yes or (can_ask and typer.confirm(question, default=False, err=True))):
             raise
         _announce(f"robot '{robot}' of the working directory: {error.folder}")
         return load(error.folder)
     if place.folder.name == robot:
         _announce(f"robot '{robot}' of {place.origin}: {place.folder}")
     return load(place.folder)
-
-
-def _agreed(error: ForeignRobotError) -> bool:
-    """Whether the user runs the code of a folder: by an answer at the terminal."""
-    if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        return False
-    return typer.confirm(
-        f"'{error.folder}' was not built by you. Run its code?", default=False, err=True
-    )
 
 
 def counting(*columns: ProgressColumn) -> Progress:

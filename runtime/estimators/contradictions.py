@@ -75,11 +75,6 @@ class PriorTest:
     mismatch: float
 
     @property
-    def is_of_another(self) -> bool:
-        """Whether the prior is of another robot, or the arm carries much."""
-        return self.mismatch >= OTHER
-
-    @property
     def is_contradicted(self) -> bool:
         """Whether the data contradict the prior."""
         return self.excess > 1
@@ -223,7 +218,7 @@ def model_tests(
     elif named:
         doubt = doubt or _of_cause(lib, named)
     if contradicted and not doubt:
-        if test.is_of_another and not test.links:
+        if test.mismatch >= OTHER and not test.links:
             doubt = _of_prior(test, source)
         else:
             errors.insert(0, _of_urdf(test, source, prior.is_of_type))

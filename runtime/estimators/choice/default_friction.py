@@ -36,8 +36,9 @@ from runtime.estimators.choice.friction_choice import (
     BLOCKS,
     LEAST_GAIN,
     excess_of,
+    inverse_of,
     misfit,
-    noise_of_blocks,
+    predicted,
     solved,
 )
 from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
@@ -330,7 +331,12 @@ def trial_on(done: Recording, lib: Library, robust: bool) -> FrictionTrial:
         rows = explicit(lib, whole)
         whole = rows.weighted(weights_of_rows(lib, rows).weights)
         blocks = [whole.rows(cut) for cut in cuts]
-    weights, rests = noise_of_blocks(lib, blocks, thesis_weights(whole.tau), _PASSES)
+    weights = thesis_weights(whole.tau)
+    for _ in range(_PASSES):
+        stats = [compress(lib, block, weights) for block in blocks]
+        x, _rank = solved([stats[0].merged(*stats[1:])])
+        rests = [b.tau - predicted(lib, b, x) for b in blocks]
+        weights = inverse_of(np.mean(np.concatenate(rests) ** 2, axis=0))
     stats = [compress(lib, block, weights) for block in blocks]
     ratio = inflation(np.concatenate(rests), weights)
     prior = _prior(lib, stats[0], whole.rows(taken), ratio)

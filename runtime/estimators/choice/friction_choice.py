@@ -66,17 +66,6 @@ def inverse_of(variance: Array) -> Array:
     return np.asarray(1.0 / np.maximum(variance, 1e-12 * variance.max() + 1e-30))
 
 
-def noise_of_blocks(
-    lib: Library, blocks: Sequence[Samples], weights: Array, passes: int
-) -> tuple[Array, list[Array]]:
-    """Weights 1/σ_j² by the residuals of fits to all blocks, and the residuals of the last one."""
-    for _ in range(passes):
-        x, _rank = solved([compress(lib, block, weights) for block in blocks])
-        rests = [block.tau - predicted(lib, block, x) for block in blocks]
-        weights = inverse_of(np.mean(np.concatenate(rests) ** 2, axis=0))
-    return weights, rests
-
-
 def excess_of(scores: Array, best: Array) -> tuple[float, float]:
     """Mean difference of scores per block from the best ones, and its standard error."""
     gap = scores - best
@@ -285,7 +274,11 @@ class _Trial:
 
 def _noise(lib: Library, blocks: list[Samples]) -> tuple[Array, float]:
     """1/σ_j² per joint from the residuals of a fit, and N / N_eff of the residuals."""
-    weights, _ = noise_of_blocks(lib, blocks, np.ones(blocks[0].equations), _PASSES)
+    weights = np.ones(blocks[0].equations)
+    for _ in range(_PASSES):
+        x, _rank = solved([compress(lib, block, weights) for block in blocks])
+        rests = [block.tau - predicted(lib, block, x) for block in blocks]
+        weights = inverse_of(np.mean(np.concatenate(rests) ** 2, axis=0))
     first, *others = (compress(lib, block, weights) for block in blocks)
     return weights, coloured_noise_of(lib, blocks, first.merged(*others), weights).inflation
 

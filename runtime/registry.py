@@ -11,7 +11,7 @@ an entry point of the registry's group in its pyproject.toml:
 from collections.abc import Iterator, Mapping
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 from runtime.common.errors import RuntimeFault
 

@@ -51,6 +51,7 @@ inertial parameters takes up a part of them, so that its intervals are too narro
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.special import chdtri
 
 from runtime.estimators.regression.coloured_noise import (
@@ -448,7 +449,8 @@ def model_error_of(
     if gain_sigma and fit.samples.base is None and fit.samples.equations == lib.n_joints:
         predicted, level = fit.predicted.reshape(count, n), float(np.trace(spread)) / p
         taken = np.einsum("ijk,ij->kj", fit.basis.reshape(count, n, p), predicted)
-        gains, gain_sigma = gain_error(taken, predicted, rest, level, gain_sigma)
+        of_gains = predicted[..., None]
+        gains, gain_sigma = change_error(taken, of_gains, rest, level, gain_sigma)
     # From the coordinates of Q to those of the rows A: A R = U is orthonormal, X R_Q = Q.
     whole = posterior_of(statistics.factor, rank=APART)
     u = statistics.factor @ whole.root
@@ -467,17 +469,18 @@ def model_error_of(
     return ModelError(changed, slopes, gains.shape[1], gain_sigma)
 
 
-def gain_error(
+def change_error(
     taken: Array, torque: Array, rest: Array, level: float, expected: float
 ) -> tuple[Array, float]:
-    """Errors Qᵀ N [C_s^½, s̄] of torque gains, (p, n + 1), and their σ by the residual.
+    """Errors Qᵀ N [C_s^½, s̄] of changes such as gains, (p, n m + 1), and their σ by the residual.
 
-    taken (p, n) Qᵀ N, torque (N, n) and residuals (N, n) of variance level over their weights.
+    taken (p, n m) Qᵀ N, torque N (N, n, m) of the joints' own changes, and residuals (N, n) of
+    variance level over their weights.
     """
-    gram = np.diag(np.sum(torque**2, axis=0)) - taken.T @ taken
-    z, n = np.sum(torque * rest, axis=0), torque.shape[1]
+    gram = block_diag(*np.einsum("ijk,ijl->jkl", torque, torque)) - taken.T @ taken
+    z = np.einsum("ijk,ij->jk", torque, rest).ravel()
     sigma = common_size(gram, z, level, expected)
-    root, mean = size_posterior(gram, z, level, np.full(n, sigma))
+    root, mean = size_posterior(gram, z, level, np.full(len(z), sigma))
     return taken @ np.column_stack([root, mean]), sigma
 
 

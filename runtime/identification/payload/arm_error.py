@@ -14,8 +14,11 @@ The gains of the torque sensors are a fixed error too, which a longer log does n
     τ_measured,j = (1 + g_j) τ_j,   g_j ~ N(0, s²),   δπ = Σ_j g_j C Σ Y_kjᵀ τ_j / σ_j²
 
 with the offsets taken out of Y and τ, and s at most the expected one, by what the residual shows of
-it (`model_error.gain_error`). Against an empty run, and with a model that was identified by the
+it (`model_error.change_error`). Against an empty run, and with a model that was identified by the
 same sensors, the gains act on the torque of the payload alone.
+
+Against an empty run of another day the usual change of friction and gains from day to day is an
+error: one size in common, which the residual shows and which is next to 0 within one session.
 
 `posture_error` is the error beside the payload that repeats with a joint's position,
 
@@ -37,7 +40,8 @@ import numpy as np
 
 from runtime.common.files import folder_of
 from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
-from runtime.estimators.regression.model_error import gain_error
+from runtime.estimators.regression.model_error import change_error
+from runtime.estimators.regression.posterior import least_squares
 from runtime.estimators.regression.samples import NORMAL_95, Samples
 from runtime.identification import posterior_file
 from runtime.identification.identified import Identification
@@ -45,7 +49,8 @@ from runtime.identification.saved_result import read_result, require_model
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction, Recording
-from runtime.recording.friction.model import DAY
+from runtime.recording.friction.model import DAY, LARGE_DAY
+from runtime.recording.settings import COULOMB_SPEED
 
 LEAST_TRAVEL = 0.02  # smallest travel that the distance is related to, rad or m
 GROUPS = 5  # K, groups of rows per joint
@@ -207,16 +212,31 @@ def centred(values: Array, noise: Array) -> Array:
     return np.where(is_used, values - means_of(values, noise), 0.0)
 
 
-def gain_covariance(left: Residual, torque: Array, expected: float) -> tuple[Array, float]:
-    """Covariance of a payload's π by independent errors of the gains, and their σ, if `expected`.
+def day_changes(loaded: Samples, empty: Samples, friction: Array, gain: float) -> Array:
+    """Usual change of friction and gains between two days, in the loaded run, (N, n, 3).
 
-    Torque is that of the gains, (N, n).
+    friction (N_0, n): torque of the empty run without its links; gain: usual relative change.
+    """
+
+    def sides(dq: Array) -> Array:
+        return np.stack([dq, np.tanh(dq / COULOMB_SPEED), np.ones_like(dq)], axis=2)
+
+    fits = zip(np.moveaxis(sides(empty.dq), 1, 0), friction.T, strict=True)
+    sizes = np.array([least_squares(columns, torque)[0] for columns, torque in fits])
+    usual = LARGE_DAY * sizes[:, :2] * sides(loaded.dq)[..., :2]
+    return np.concatenate([usual, gain * loaded.tau[..., None]], axis=2)
+
+
+def change_covariance(left: Residual, torque: Array, expected: float) -> tuple[Array, float]:
+    """Covariance of a payload's π by independent changes of a size, and the size, if `expected`.
+
+    torque (N, n, m): that of changes of size 1 of every joint.
     """
     sizes, axes = np.linalg.eigh(left.shape)
     root = axes * np.sqrt(np.maximum(sizes, 0.0))
-    varying = centred(torque, left.noise) / left.noise
-    taken = root.T @ np.einsum("ijk,ij->kj", left.rows, varying)
-    moved, sigma = gain_error(taken, varying, left.errors / left.noise, left.density, expected)
+    varying = centred(torque, left.noise) / left.noise[..., None]
+    taken = root.T @ np.einsum("ijk,ijl->kjl", left.rows, varying).reshape(len(root), -1)
+    moved, sigma = change_error(taken, varying, left.errors / left.noise, left.density, expected)
     moved = root @ moved
     return moved @ moved.T, sigma
 

@@ -87,6 +87,13 @@ CHANGED = (
     "was identified, which the intervals contain, or is another one, which they do not; identify "
     "it again, or record a run without the payload"
 )
+GAIN_DAY, LIKELY_DAY = 0.004, 0.5
+"""Usual change of a torque gain between two days; size of such changes from which it is said: the
+residual of runs of one session shows .1 to .2 on another simulator, of two days .8 to 1."""
+ANOTHER_DAY = (
+    "friction or torque gains differ between the runs as from one day to another, which the "
+    "intervals contain; record both runs in one session for narrower ones"
+)
 _MODEL_ERROR = 0.1  # residual over torque of the payload above which the arm dominates the error
 
 
@@ -135,8 +142,11 @@ def identify_payload(
             f"the recording '{recording.name}' leaves {len(run)} samples, a payload needs "
             f"{FEWEST_ROWS} or more; record for longer"
         )
+    days = None
     if empty is not None:
-        bare, _, residual0, _ = _rows(empty, lib, mount, model, preparation)
+        bare, others, residual0, _ = _rows(empty, lib, mount, model, preparation)
+        dry = residual0 + (others.friction(model.phi) if model.phi.size else 0.0)
+        days = arm_error.day_changes(samples, others, dry, min(GAIN_DAY, gain_error))
         residual = residual - empty_residual(run, bare, residual0, lib.joint_names)
         if same_rows([("", independent_joints(each, lib)) for each in (empty, recording)]):
             raise IdentificationError(
@@ -161,11 +171,10 @@ def identify_payload(
                 f"the difference of the runs is that of a negative mass: '{empty.name}' carries "
                 f"the payload and '{recording.name}' none; exchange them"
             )
-    solution, repeated, gain_error, is_expected = _with_model_error(
-        solution, lib, model, run, samples, is_alone=empty is not None, gains=gain_error
+    solution, repeated, gain_error, changed = _with_model_error(
+        solution, lib, model, run, samples, days=days, gains=gain_error
     )
     payload = _payload(solution, mount, model, empty is not None, gain_error)
-    changed = () if is_expected else (CHANGED,)
     notes = (*payload.notes, *changed, _moment_note(mount, solution))
     if repeated is None:
         return replace(payload, notes=notes)
@@ -201,16 +210,15 @@ def _with_model_error(
     run: Recording,
     samples: Samples,
     *,
-    is_alone: bool,
+    days: Array | None,
     gains: float,
-) -> tuple[_Solution, arm_error.PostureDeviation | None, float, bool]:
-    """Covariance with errors of the arm, of gains and of postures; these, and σ of gains.
+) -> tuple[_Solution, arm_error.PostureDeviation | None, float, tuple[str, ...]]:
+    """Covariance with errors of the arm, of gains and of postures; these, σ of gains, and notes.
 
-    `is_alone`: the run without the payload is subtracted. The last one is whether the posterior of
-    the arm expects the residual.
+    days: changes from the run without the payload, where it is subtracted.
     """
     noise, extra, repeated = solution.covariance, np.zeros_like(solution.covariance), None
-    is_expected, left = True, solution.left
+    notes, left, is_alone = tuple[str, ...](), solution.left, days is not None
     if not (is_alone or model.is_exact):
         if model.root is None:
             level = np.where(np.isfinite(left.noise), solution.noise, np.inf)
@@ -218,6 +226,7 @@ def _with_model_error(
             extra = arm_error.arm_covariance(lib, model, run, of_arm)
         else:
             extra, is_expected = arm_error.posterior_covariance(lib, model.root, samples, left)
+            notes = () if is_expected else (CHANGED,)
     # A model by the same sensors has their gains, and takes up what repeats: the rest is news.
     is_alone = is_alone or model.root is not None
     if is_alone:
@@ -226,12 +235,16 @@ def _with_model_error(
     gains = gains if left.density > _PERFECT**2 else 0.0  # rounding shows nothing of them
     if gains:
         torque = left.columns @ solution.pi if is_alone else run.required("tau")
-        of_gains, gains = arm_error.gain_covariance(left, torque, gains)
+        of_gains, gains = arm_error.change_covariance(left, torque[..., None], gains)
         extra = extra + of_gains
+    if days is not None and left.density > _PERFECT**2:
+        of_days, size = arm_error.change_covariance(left, days, 1.0)
+        extra = extra + of_days
+        notes = (ANOTHER_DAY,) if size > LIKELY_DAY else ()
     if repeated is not None:
         noise = repeated.widened(noise)
     changed = replace(solution, covariance=noise + extra, white=solution.white + extra)
-    return changed, repeated, gains, is_expected
+    return changed, repeated, gains, notes
 
 
 def _rows(

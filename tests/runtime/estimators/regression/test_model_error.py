@@ -98,7 +98,7 @@ def test_the_posterior_of_one_gain(shown: float, monkeypatch: pytest.MonkeyPatch
     sigma, level, taken = 0.02, 0.09, 3.0
     size = np.sqrt(shown * level) / sigma
     torque, rest = (taken * q + size * p)[:, None], (0.7 * p)[:, None]
-    scores, _ = model_error.gain_error(np.array([[taken]]), torque, rest, level, sigma)
+    scores, _ = model_error.change_error(np.array([[taken]]), torque[..., None], rest, level, sigma)
     information = (1 + shown) / sigma**2
     wanted = taken * np.array([1 / np.sqrt(information), 0.7 * size / level / information])
     np.testing.assert_allclose(np.abs(scores[0]), wanted, rtol=1e-9)

@@ -339,11 +339,13 @@ class _Fit:
             level = max(level, float(scatter(self.samples, slope, stretch[1], level)[0, 0]))
             beside, none = np.hstack([slope, basis]), np.zeros((0, 0))
             fit = FreeFit(self.samples, scale * self.used, none, beside, rest, rest, ())
-            # Not friction that depends on the position: it takes up 4 ms of 30 of the Z1's log.
-            nuisance = nuisance_of(self.lib, fit, self.lib.pi0, level, with_position=False)
             # The loss is that of residuals without the most probable nuisance torque. What it moves
             # δ by stays an error of that size: the shapes of a robot are not quite those assumed.
-            level += float(np.sum(nuisance.error[0] ** 2))
+            # Friction that depends on the position is an error alone: it takes up 4 of 30 ms of the
+            # Z1's log.
+            nuisance = nuisance_of(self.lib, fit, self.lib.pi0, level, with_position=False)
+            whole = nuisance_of(self.lib, fit, self.lib.pi0, level)
+            level += float(np.sum(whole.error[0] ** 2))
             rests = rests - (nuisance.mean + nuisance.moved[0] * slope.reshape(shape)) / scale
             variance = np.sum(rests**2, axis=1) / counts
             losses = np.log(np.maximum(variance, solved.least)) @ counts

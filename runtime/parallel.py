@@ -47,9 +47,11 @@ def on_cluster(
     numbers = count()
     try:
         for pieces in rounds:
-            named = ((piece, {"key": f"{key}-{next(numbers)}", "pure": False}) for piece in pieces)
             call = _on_worker, key, prepare, work
-            futures = [client.submit(*call, piece, **how) for piece, how in named]
+            futures = [
+                client.submit(*call, piece, key=f"{key}-{next(numbers)}", pure=False)
+                for piece in pieces
+            ]
             _require_workers(client, scheduler)
             for future in as_completed(futures, loop=client.loop):
                 yield _result(future, scheduler, of)

@@ -262,7 +262,8 @@ def _summary(
         gains = f"; intervals assume torque gains known to {100 * known.gain_sigma:.2g} % (σ)"
         yield (
             f"data: they determine {known.determined} of {len(known.beta_sigma)} independent "
-            f"combinations of parameters better than the prior does{gains * bool(known.gain_sigma)}"
+            "combinations of parameters better than the prior does"
+            + (gains if known.gain_sigma else "")
         )
         if not record.doubts:
             yield f"advice: {known.first_advice()}"

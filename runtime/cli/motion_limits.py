@@ -148,9 +148,7 @@ def _height(text: str) -> float:
 
 def _per_joint(lib: Library, text: str | None, option: str) -> tuple[float, ...]:
     """One number or one per joint; empty where the option is not given."""
-    if text is None:
-        return ()
-    return numbers_option(text, lib.n_joints if "," in text else 1, option)
+    return () if text is None else numbers_option(text, lib.n_joints if "," in text else 1, option)
 
 
 def carried_body(lib: Library, text: str | None) -> CarriedBody | None:

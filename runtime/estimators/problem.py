@@ -120,9 +120,7 @@ class Problem:
     @property
     def friction_names(self) -> tuple[str, ...]:
         """Names of the friction columns; empty where they are unknown."""
-        if self.column_names:
-            return self.column_names
-        return self.terms.columns if self.terms else ()
+        return self.column_names or (self.terms.columns if self.terms else ())
 
 
 class Learned(Protocol):

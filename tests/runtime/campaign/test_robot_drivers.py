@@ -175,7 +175,7 @@ def test_a_controller_that_reports_an_error(monkeypatch, pendulum: Library) -> N
         (("--driver", "ur:h", "--settings", "gains=1,2"), "the setting gains needs 7 numbers"),
         (
             ("--driver", "tractor"),
-            "expected a driver of virtual, ros2, libfranka, ur, got 'tractor'",
+            "there is no driver 'tractor'; choose from virtual, ros2, libfranka, ur",
         ),
         (("--driver", "virtual:x"), "the virtual robot has no address"),
     ],

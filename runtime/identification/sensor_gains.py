@@ -400,14 +400,24 @@ def _gains(problem: GainProblem, solution: GainSolution, coloured: ColouredNoise
     sigma = np.sqrt(np.diagonal(covariance))
     share = sigma / np.maximum(np.abs(solution.g), np.finfo(float).tiny)
     is_determined = share <= LARGEST_SIGMA
-    _require_determined(problem, solution, is_determined)
+    if not (solution.converged and is_determined.any()):  # without a visible load g tends to 0
+        raise IdentificationError(
+            f"the payload of {problem.payload.mass:g} kg changes the torques of these runs too "
+            "little to determine a gain; check that it was mounted in the loaded run, use a "
+            "heavier one, or turn it against gravity"
+        )
+    if below := [names[j] for j in np.flatnonzero(is_determined & (solution.g < 0))]:
+        raise IdentificationError(
+            f"the loaded run carries less than the empty one ({', '.join(below)} would have "
+            "negative gains); give the empty run first, and state the sign of torque in a recipe"
+        )
     gain = np.where(is_determined, solution.g, 1.0)
     # The bias is b/g; its derivative contains that of 1/g where g is estimated.
     share_of_gain = np.where(is_determined, solution.b / gain, 0.0)
     spread = of_offsets - share_of_gain[:, :, None] * of_gains
     bias_sigma = np.linalg.norm(spread, axis=2) / np.abs(gain)
     notes = _notes(problem, solution.g, covariance, share, is_determined)
-    determined = ", ".join(name for name, ok in zip(names, is_determined, strict=True) if ok)
+    determined = ", ".join(names[j] for j in np.flatnonzero(is_determined))
     return Gains(
         channels=names,
         gain=gain,
@@ -424,36 +434,12 @@ def _gains(problem: GainProblem, solution: GainSolution, coloured: ColouredNoise
     )
 
 
-def _require_determined(
-    problem: GainProblem, solution: GainSolution, is_determined: Claims
-) -> None:
-    """Refuse a result without a determined gain, or with a negative one."""
-    if not (solution.converged and is_determined.any()):  # without a visible load g tends to 0
-        raise IdentificationError(
-            f"the payload of {problem.payload.mass:g} kg changes the torques of these runs too "
-            "little to determine a gain; check that it was mounted in the loaded run, use a "
-            "heavier one, or turn it against gravity"
-        )
-    below = [
-        name
-        for name, x in zip(problem.channels, is_determined & (solution.g < 0), strict=True)
-        if x
-    ]
-    if below:
-        raise IdentificationError(
-            f"the loaded run carries less than the empty one ({', '.join(below)} would have "
-            "negative gains); give the empty run first, and state the sign of torque in a recipe"
-        )
-
-
 def _notes(
     problem: GainProblem, g: Array, covariance: Array, share: Array, is_determined: Claims
 ) -> tuple[str, ...]:
     notes = []
-    unsure = [
-        f"{problem.channels[j]} ({_percent(share[j])})" for j in np.flatnonzero(~is_determined)
-    ]
-    if unsure:
+    weak = np.flatnonzero(~is_determined)
+    if unsure := [f"{problem.channels[j]} ({_percent(share[j])})" for j in weak]:
         notes.append(
             f"the payload causes too little torque to determine the gain of {', '.join(unsure)}, "
             "which stays at 1; use a heavier payload, or move these joints more"

@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import pdtrc
+from scipy.special import boxcox, pdtrc
 
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
@@ -75,13 +75,9 @@ class Tail:
 
     def level(self, rate: float) -> float:
         """Level that peaks exceed at a stated rate."""
-        least = float(self.peaks[-1])
-        rarity = np.log((len(self.peaks) - 1) / (rate * self.seconds))
-        if rarity <= 0:
-            return least
-        small = abs(self.shape) < 1e-6
-        excess = rarity if small else np.expm1(self.shape * rarity) / self.shape
-        return float(np.sqrt(least**2 + self.scale * excess))
+        rarity = max((len(self.peaks) - 1) / (rate * self.seconds), 1.0)
+        excess = self.scale * boxcox(rarity, self.shape)
+        return float(np.sqrt(self.peaks[-1] ** 2 + excess))
 
 
 def peaks_of(s: Array, rate_hz: float) -> Array:
@@ -176,9 +172,7 @@ def _rates(tails: Sequence[Tail], scales: Sequence[Array], levels: Array) -> lis
     rates = []
     for tail, scale, level in zip(tails, scales, levels, strict=True):
         y = max(level**2 - tail.peaks[-1] ** 2, 0.0) / scale
-        base = np.maximum(1 + _SHAPES[:, None] * y, 0.0)
-        with np.errstate(divide="ignore"):
-            beyond = np.where(base > 0, np.exp(-np.log(base) / _SHAPES[:, None]), 0.0)
+        beyond = np.maximum(1 + _SHAPES[:, None] * y, 0.0) ** (-1 / _SHAPES[:, None])
         rates.append(beyond * ((len(tail.peaks) - 1) / tail.seconds))
     return rates
 
@@ -186,7 +180,7 @@ def _rates(tails: Sequence[Tail], scales: Sequence[Array], levels: Array) -> lis
 def levels_of(tails: Sequence[Tail], rate: float) -> Array:
     """Levels at which every joint has an n-th of a rate, in the mean over the posterior."""
     low = np.array([tail.peaks[-1] for tail in tails])
-    high = np.full(len(tails), 1e3) * np.maximum(low, 1.0)
+    high = 1e3 * np.maximum(low, 1.0)
     shapes, given, scales = _weights(tails)
     for _ in range(60):
         middle = (low + high) / 2

@@ -345,7 +345,6 @@ def evaluate(
     notes = list(known)
     recording = saved.log_of(log, lib, recipe, run)
     require_plausible(recording, lib)
-    terms = saved.friction
     preparation = preparation_of(recording, cutoff, rate)
     if preparation is None and recording.preparation == Preparation() != saved.preparation:
         preparation = saved.preparation.at_rate(recording.rate_hz)
@@ -353,7 +352,7 @@ def evaluate(
     elif preparation is None and recording.recipe is not None and recording.recipe is saved.recipe:
         preparation = recording.preparation.at_rate(recording.rate_hz)
         notes.append(ALIKE)
-    prepared = prepare(recording, preparation, terms, lib=lib)
+    prepared = prepare(recording, preparation, saved.friction, lib=lib)
     samples = samples_of(prepared, lib)
     after = torque_of(lib, samples, saved.pi, saved.phi, saved.learned)
     both = (samples.rigid(lib, lib.pi0), after)

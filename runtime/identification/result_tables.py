@@ -30,7 +30,6 @@ def error_table(
     """Torque errors per row and overall: shares of the RMS torque, and RMS in its unit."""
     units = [unit.replace("*", "·") for unit in units]
     rows = zip(names, shares.before, shares.after, rms.before, rms.after, units, strict=True)
-    whole = (shares.before_overall, shares.after_overall)
     means = [NOTHING, NOTHING, ""]
     if len(set(units)) == 1:  # N and N·m have no common mean
         sizes = (math.fsum(x * x for x in each) / len(each) for each in (rms.before, rms.after))
@@ -41,7 +40,7 @@ def error_table(
             (name, percent(a), percent(b), number(c), number(d), unit)
             for name, a, b, c, d, unit in rows
         ),
-        ("all joints", *map(percent, whole), *means),
+        ("all joints", *map(percent, (shares.before_overall, shares.after_overall)), *means),
         title,
         note,
     )

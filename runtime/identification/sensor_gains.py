@@ -385,9 +385,8 @@ def _root(problem: GainProblem, solution: GainSolution, coloured: ColouredNoise)
     if not density > 0:
         return root
     flat, unit = basis.reshape(rest.size, -1), 1 / solution.noise
-    known = np.zeros(rest.size)
     longer, samples = solution.root * np.sqrt(step), Samples.joined(runs)
-    fit = FreeFit(samples, unit, longer, flat, known, rest.ravel(), ())
+    fit = FreeFit(samples, unit, longer, flat, np.zeros(rest.size), rest.ravel(), ())
     return with_model_error(problem.lib, fit, problem.lib.pi0, density, root)
 
 
@@ -415,8 +414,6 @@ def _gains(problem: GainProblem, solution: GainSolution, coloured: ColouredNoise
     # The bias is b/g; its derivative contains that of 1/g where g is estimated.
     share_of_gain = np.where(is_determined, solution.b / gain, 0.0)
     spread = of_offsets - share_of_gain[:, :, None] * of_gains
-    bias_sigma = np.linalg.norm(spread, axis=2) / np.abs(gain)
-    notes = _notes(problem, solution.g, covariance, share, is_determined)
     determined = ", ".join(names[j] for j in np.flatnonzero(is_determined))
     return Gains(
         channels=names,
@@ -425,12 +422,12 @@ def _gains(problem: GainProblem, solution: GainSolution, coloured: ColouredNoise
         covariance=covariance,
         is_determined=is_determined,
         bias=solution.b / gain,
-        bias_sigma=bias_sigma,
+        bias_sigma=np.linalg.norm(spread, axis=2) / np.abs(gain),
         noise=solution.noise * np.sqrt(coloured.variance),
         n_samples=problem.n_samples,
         n_effective=problem.n_samples / coloured.inflation,
         status=f"identified the gains of {'all ' if is_determined.all() else ''}{determined}",
-        notes=notes,
+        notes=_notes(problem, solution.g, covariance, share, is_determined),
     )
 
 

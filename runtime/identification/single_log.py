@@ -192,7 +192,6 @@ def identify_assembled(
         if chosen.certify:
             optimum = convex_optimum(lib, statistics, guess, bounds).loss
     weights = problem.weights if fit.weights is None else fit.weights
-    is_last = not is_refitted(assembly, chosen, method) or fit.status == Status.INTERRUPTED.value
     loss = statistics.value(fit.pi, fit.phi)  # in the weights of the optimum
     if fit.learned is not None:
         rest = problem.train.tau - torque_of(lib, problem.train, fit.pi, fit.phi, fit.learned)
@@ -224,7 +223,7 @@ def identify_assembled(
         learned=fit.learned,
         urdf_phi=best_friction(statistics, lib.pi0, fit.phi.shape) if fit.phi.size else None,
     )
-    if is_last:
+    if not is_refitted(assembly, chosen, method) or fit.status == Status.INTERRUPTED.value:
         return result
     whole = _weighted(with_modelled_torque(with_all_rows(given), fitted), method, chosen)
     return _refitted(result, whole, fitted, chosen, rows_of(problem, fit))
@@ -319,13 +318,12 @@ def _uncertainty(
 
 def is_refitted(assembly: Assembly, settings: Settings, method: str) -> bool:
     """Whether a result is fitted to all rows after its errors are known."""
-    rows_of_joints = assembly.problem.train.equations == assembly.problem.lib.n_joints
     train, _, test = assembly.parts
     return (
         settings.refit
         and assembly.is_cut
         and not np.array_equal(train.t, test.t)  # else all rows train already
-        and rows_of_joints
+        and assembly.problem.train.equations == assembly.problem.lib.n_joints
         and not METHODS[method].needs_samples(settings.preset)
     )
 

@@ -79,7 +79,6 @@ def free_changed_rows(
         by_model *= sizes * (1 - share.clip(-LARGEST_SHARE, LARGEST_SHARE))
         named = np.einsum("nmj,njc->nmc", basis, scores.named_columns(motion.t, by_model, friction))
     spread = samples.columns[:, :, : len(errors)] * np.array([sigma for _, sigma in errors])
-    sessions = np.concatenate([rows.offsets, spread], axis=2)
     of_drives = samples.columns[:, :, len(errors) :]
     joints = slice(FREEDOM, None)
     moved = Samples(motion.q[:, joints], motion.dq[:, joints], None, tau, samples.columns)
@@ -93,7 +92,7 @@ def free_changed_rows(
         # Noise of an accelerometer is in the columns at all frequencies.
         slow_cosines(moved, least_hz=0.0),
         scores.low_pass_inflation(cutoff, motion.t),
-        sessions=over @ sessions,
+        sessions=over @ np.concatenate([rows.offsets, spread], axis=2),
     )
 
 

@@ -79,14 +79,13 @@ def _facts(record: ResultRecord) -> tuple[tuple[str, str], ...]:
         f"{key} {value:.4g}" if isinstance(value, float) else f"{key} {value}"
         for key, value in sorted(log.preparation.items())
     )
-    columns = "" if record.friction is None else ", ".join(record.friction.columns)
     known = record.uncertainty
     facts = (
         ("log", log.name),
         ("method", record.method),
         ("rows", ", ".join(f"{count} {part}" for part, count in log.samples.items() if count)),
         ("preparation", steps),
-        ("friction", columns),
+        ("friction", "" if record.friction is None else ", ".join(record.friction.columns)),
         ("torque error, URDF", percent(shares.before_overall)),
         ("torque error, identified", percent(shares.after_overall)),
         ("physically consistent", "yes" if record.consistent else "no"),

@@ -88,7 +88,6 @@ def identify_free_base(
     preparation = Preparation()
     if cutoff_hz is not None:
         preparation = Preparation(filter="butterworth", cutoff_hz=cutoff_hz)
-    spread = deviations[places].reshape(phi.shape)
     is_commanded = logs[0].is_commanded
     is_late = is_commanded or settings.delay is not None
     record = record_about(
@@ -114,7 +113,7 @@ def identify_free_base(
             columns=terms.columns,
             values=schema.plain(phi),
             **{key: getattr(terms, key) for key in WIDTHS},
-            sigma=schema.plain(spread),
+            sigma=schema.plain(deviations[places].reshape(phi.shape)),
         ),
         symmetric=mirrored or None,
         warnings=(*fit.notes, *notes, *said, *of_errors),

@@ -210,7 +210,6 @@ def rows_by_result(
     inside = (motion.t >= motion.t[0] + ends) & (motion.t <= motion.t[-1] - ends)
     step = 1 if most is None else max(1, -(-int(inside.sum()) // most))
     motion = motion.rows(np.flatnonzero(inside)[::step])
-    rows = equations.rows_of(lib, motion, record.rows or "all", drives)
     known = record.sensors or {}
     # Of several logs the mean of their offsets.
     sensors = [
@@ -218,7 +217,7 @@ def rows_by_result(
         for name, _ in equations.sensor_errors(motion.contacts)
     ]
     phi = np.concatenate([np.array(sensors, dtype=float), saved.phi.ravel() if drives else []])
-    return motion, rows, phi
+    return motion, equations.rows_of(lib, motion, record.rows or "all", drives), phi
 
 
 def free_base_errors(

@@ -200,10 +200,9 @@ class _View:
         Directions that no unit excites keep the error of the URDF; the mean of the precisions
         weakens the prior there and keeps the information of the fleet in the other directions.
         """
-        rows = self._rows(counted, kappa)[:, :-1]
         around = self.urdf.bodies.spread(self.urdf.centre)
         H = self.lib.base_matrix @ block_diag(*around) / np.sqrt(CAD)
-        root = posterior_of(rows, prior=H).root
+        root = posterior_of(self._rows(counted, kappa)[:, :-1], prior=H).root
         # Share of every base direction of the prior's unit covariance H Hᵀ.
         scaled = np.linalg.svd(np.linalg.lstsq(self.H, root, rcond=None)[0], compute_uv=False)
         error = np.sort(scaled**2)[::-1][: len(self.H)]

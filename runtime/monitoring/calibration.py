@@ -117,33 +117,27 @@ def _edge(s: Array, k: int, way: int, low: float) -> int:
         size *= 4
 
 
-def _log_posterior(tail: Tail) -> tuple[Array, Array]:
-    """log p(excesses | ξ, c)/φ of one joint on the grid of ξ and ln c, (G, H), and the scales c."""
-    excess = tail.peaks[:-1] ** 2 - tail.peaks[-1] ** 2
-    mean = max(float(excess.mean()), 1e-300)
-    xi, log_c = _SHAPES[:, None, None], _LOG_SCALES[None, :, None]
-    z = 1 + xi * (excess / mean) / np.exp(log_c)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        logs = np.log(np.where(z > 0, z, np.nan))
-        # ξ = 0 is not on the grid.
-        values = -len(excess) * _LOG_SCALES - ((1 / xi + 1) * logs).sum(axis=2)
-    values = np.where(np.isfinite(values), values, -np.inf) / tail.cluster
-    return values, mean * np.exp(_LOG_SCALES)
-
-
 def _weights(tails: Sequence[Tail]) -> tuple[Array, list[Array], list[Array]]:
     """p(ξ | all joints), and per joint p(c | ξ) with the scales c."""
-    grids = [_log_posterior(tail) for tail in tails]
     log_shape = -((_SHAPES / SHAPE) ** 2) / 2
-    given = []
-    for values, _ in grids:
+    xi, log_c = _SHAPES[:, None, None], _LOG_SCALES[None, :, None]
+    given, scales = [], []
+    for tail in tails:
+        excess = tail.peaks[:-1] ** 2 - tail.peaks[-1] ** 2
+        mean = max(float(excess.mean()), 1e-300)
+        scales.append(mean * np.exp(_LOG_SCALES))
+        # log p(excesses | ξ, c)/φ on the grid of ξ, which does not contain 0, and ln c, (G, H).
+        z = 1 + xi * (excess / mean) / np.exp(log_c)
+        logs = np.log(z, out=np.full_like(z, np.nan), where=z > 0)
+        values = -len(excess) * _LOG_SCALES - ((1 / xi + 1) * logs).sum(axis=2)
+        values = np.where(np.isfinite(values), values, -np.inf) / tail.cluster
         top = values.max(axis=1, keepdims=True)
         shares = np.exp(values - np.where(np.isfinite(top), top, 0.0))
         total = shares.sum(axis=1)
         log_shape = log_shape + np.log(np.maximum(total, 1e-300)) + top[:, 0]
         given.append(shares / np.maximum(total, 1e-300)[:, None])
     weights = np.exp(log_shape - log_shape.max())
-    return weights / weights.sum(), given, [scales for _, scales in grids]
+    return weights / weights.sum(), given, scales
 
 
 def highest(peaks: Array, seconds: float) -> Tail:

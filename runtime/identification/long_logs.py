@@ -35,7 +35,7 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.identification import settings as fit_settings
 from runtime.identification.identified import Identification, WholeLog, torque_errors
 from runtime.identification.problem_setup import PARTS, Assembly, FitOfAssembly, assembled
-from runtime.library import Array, Integers, Library
+from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.consistency import check_consistency, require_plausible
 from runtime.recording.formats.tables import Spool
@@ -126,7 +126,17 @@ class Blocks:
         rest = self.preparation.rest_speed
         if rest is not None and whole.dq is not None:
             kept = kept[np.any(np.abs(whole.dq[kept]) >= rest, axis=1)]
-        memory = _memory(whole, self.terms, kept, int(first), int(last))
+        memory, names, columns = None, whole.column_names, whole.columns
+        places = [k for k, each in enumerate(names) if each in COLUMNS and COLUMNS[each].has_memory]
+        if columns is not None and places and first < len(whole):
+            places += [
+                k for k, each in enumerate(names) if each in COLUMNS and COLUMNS[each].takes_memory
+            ]
+            travel = np.cumsum(np.abs(np.diff(whole.q, axis=0, prepend=whole.q[:1])), axis=0)
+            left = np.exp(-np.abs(travel - travel[first]) / self.terms.dahl_stroke)
+            edges = [first, min(last, len(whole) - 1)]
+            ends = columns[edges][:, :, places]
+            memory = _Memory(places, ends, left[0], left[kept], left[edges[1]])
         took = f"Took {len(kept)} rows of a block."
         return (whole.take(kept, took) if kept.size else None), memory
 
@@ -165,24 +175,6 @@ class _Memory:
     before: Array  # exp(−Σ|Δq| / z_c) from the first prepared row to the first row, (n,)
     within: Array  # from there to every row of the block, (N, n)
     after: Array  # to the first row of the next block, (n,)
-
-
-def _memory(
-    whole: Recording, terms: Friction, rows: Integers, first: int, last: int
-) -> _Memory | None:
-    """Memory of a block, the rows from `first` to before `last` of `whole`, of which it keeps some.
-
-    None without a column that has a memory.
-    """
-    names, columns = whole.column_names, whole.columns
-    places = [k for k, each in enumerate(names) if each in COLUMNS and COLUMNS[each].has_memory]
-    if columns is None or not places or first >= len(whole):
-        return None
-    places += [k for k, each in enumerate(names) if each in COLUMNS and COLUMNS[each].takes_memory]
-    travel = np.cumsum(np.abs(np.diff(whole.q, axis=0, prepend=whole.q[:1])), axis=0)
-    left = np.exp(-np.abs(travel - travel[first]) / terms.dahl_stroke)
-    edges = [first, min(last, len(whole) - 1)]
-    return _Memory(places, columns[edges][:, :, places], left[0], left[rows], left[edges[1]])
 
 
 _ARRAYS = ("t", *ARRAYS)
@@ -421,10 +413,9 @@ def _windows(blocks: Blocks, name: str) -> Recording:
         )
     head = windows[0]
     sentence = f"Took {len(windows)} windows of the {name} part ({sum(map(len, windows))} rows)."
-
-    def joined(key: str) -> Array | None:
-        values = [getattr(each, key) for each in windows]
-        return None if values[0] is None else np.concatenate(values)
-
-    signals = {key: joined(key) for key in ("t", *ARRAYS)}
+    signals = {
+        key: np.concatenate([getattr(each, key) for each in windows])
+        for key in ("t", *ARRAYS)
+        if getattr(head, key) is not None
+    }
     return head.replace(**signals, signals={}, name=f"{head.name}/{name}").noted(sentence)

@@ -259,8 +259,11 @@ def alternate(
         starts = list(pi)
         pseudo = bodies.pseudo_inertia(pi[counted]).reshape(int(counted.sum()), -1, 4, 4)
         moved = bodies.pi_of(centre_of(pseudo, of_urdf, kappa, CAD)).ravel()
-        step, centre = _step(bodies.spread(centre), moved - centre), moved
-        if step * np.sqrt(kappa) < STILL:
+        # Lengths of the changes of the links in units of the prior with κ = 1.
+        change = (moved - centre).reshape(-1, N_PARAMETERS, 1)
+        step = np.linalg.norm(np.linalg.solve(bodies.spread(centre), change), axis=1)
+        centre = moved
+        if step.max() * np.sqrt(kappa) < STILL:
             break
     return pi, centre
 
@@ -282,12 +285,6 @@ def centre_of(pseudo: Array, urdf: Array, kappa: float, kappa_0: float) -> Array
     solved = np.where(linear > 0, 2 * values / (linear + root), (root - linear) / (2 * kappa_0))
     inner = (vectors * solved[:, None]) @ np.swapaxes(vectors, 1, 2)
     return np.asarray(lower @ inner @ np.swapaxes(lower, 1, 2))
-
-
-def _step(spread: Array, change: Array) -> float:
-    """Largest length of a change of a link in units of the prior with κ = 1."""
-    links = change.reshape(-1, N_PARAMETERS, 1)
-    return float(np.linalg.norm(np.linalg.solve(spread, links), axis=1).max())
 
 
 GRID = 80  # values of τ, from 1/1000 of the smallest to the largest possible one

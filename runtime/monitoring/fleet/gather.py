@@ -24,7 +24,7 @@ from runtime.common.files import bytes_of, replacing
 from runtime.common.threads import cores
 from runtime.errors import IdentificationError
 from runtime.estimators.contradictions import LEAST_DENSITY
-from runtime.estimators.regression.factor import Elimination, reduce
+from runtime.estimators.regression.factor import reduce
 from runtime.identification.statistics_file import (
     FILE,
     MARK,
@@ -68,7 +68,11 @@ def unit_of(known: UnitStatistics, lib: Library, name: str) -> Unit:
     upper = np.linalg.qr(rows, mode="r")[:count]
     triangle[: len(upper)] = upper
     n, columns = lib.n_joints, known.shared
-    every = _friction(elimination, level, count).reshape(n, len(known.columns), count + 2)
+    # f, G and v of φ = f − G β, in the order of φ.
+    variance = level * np.sum(elimination.root**2, axis=1)
+    variance[elimination.undetermined] = np.inf
+    friction = [elimination.phi(np.zeros(count)), -elimination.slope, variance]
+    every = np.column_stack(friction).reshape(n, len(known.columns), count + 2)
     return Unit(
         name,
         known.widths,
@@ -88,13 +92,6 @@ def common_columns(units: Sequence[Unit]) -> tuple[str, ...]:
     alike = [all(unit.widths[k] == first.widths[k] for unit in units) for k in range(len(WIDTHS))]
     differing = {width for width, same in zip(WIDTHS, alike, strict=True) if not same}
     return tuple(name for name in names if not widths_of((name,)) & differing)
-
-
-def _friction(system: Elimination, level: float, count: int) -> Array:
-    """f, G and v of φ = f − G β, (n k, n_b + 2), in the order of φ."""
-    variance = level * np.sum(system.root**2, axis=1)
-    variance[system.undetermined] = np.inf
-    return np.column_stack([system.phi(np.zeros(count)), -system.slope, variance])
 
 
 PART = 32  # files of one part: some tenths of a second of work

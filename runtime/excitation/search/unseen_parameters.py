@@ -36,9 +36,7 @@ def without_unseen(
 ) -> tuple[DesignSettings, Information, str]:
     """The settings and the planned information without parameters that no motion shows."""
     same = settings, planned, ""
-    if planned.columns is not None or planned.earlier is not None:
-        return same
-    if _shows_all(lib, settings):
+    if planned.columns is not None or planned.earlier is not None or _shows_all(lib, settings):
         return same
     more = min(2 * settings.harmonics, MOST_HARMONICS)
     if _shows_all(lib, replace(settings, harmonics=more)):
@@ -69,10 +67,9 @@ def unseen(
     columns = friction_columns(JointMotion(dq), Friction(names))
     lengths = np.linalg.norm(rows.reshape(-1, rows.shape[2]), axis=0)
     rows = rows / np.where(lengths > 0, lengths, 1.0)
-    for j in range(lib.n_joints):  # friction of a joint acts on its own torque alone
-        along = np.linalg.lstsq(columns[:, j], rows[:, j], rcond=None)[0] if names else None
-        if along is not None:
-            rows[:, j] -= columns[:, j] @ along
+    for j in range(lib.n_joints if names else 0):  # friction acts on the torque of its joint alone
+        along = np.linalg.lstsq(columns[:, j], rows[:, j], rcond=None)[0]
+        rows[:, j] -= columns[:, j] @ along
     triangle = np.asarray(np.linalg.qr(rows.reshape(-1, rows.shape[2]), mode="r"))
     _, upper, order = qr(triangle, pivoting=True)
     parts = np.abs(np.diagonal(upper))

@@ -59,15 +59,10 @@ def export_trajectory(
     """Write one kind of file, and the certificate as `base`.certificate.json; atomically."""
     chosen = MOTION_FORMATS[kind]
     motion.require_limits()
-    require_consent(motion.certificate.unchecked, unchecked)
+    certificate = motion.certificate
+    require_consent(certificate.unchecked, unchecked)
     path = base.with_name(base.name + chosen.suffix)
     chosen.write(motion, chosen.rate if rate is None else rate, path)
-    _write_certificate(motion, base.with_name(base.name + CERTIFICATE))
-    return path
-
-
-def _write_certificate(motion: CertifiedMotion, path: Path) -> None:
-    certificate = motion.certificate
     facts = {
         "robot": motion.lib.name,
         "duration": motion.trajectory.duration,
@@ -78,7 +73,8 @@ def _write_certificate(motion: CertifiedMotion, path: Path) -> None:
         "no_limit_stated": list(certificate.unlimited),
         "not_checked": list(certificate.unchecked),
     }
-    write_json(path, facts)
+    write_json(base.with_name(base.name + CERTIFICATE), facts)
+    return path
 
 
 def _facts(use: Use) -> dict[str, object]:

@@ -112,7 +112,11 @@ def most_probable(
         unit = reduced.noise(z, c) * np.sqrt(density)
         J, rest = reduced.jacobian(z, c, unit), reduced.rest(z, c, unit)
         model = reduced.torque(z)
-        directions = _directions(reduced, c, unit)
+        # Directions of z that each channel determines: d_j = tr(H⁻¹ c_j² G_jᵀG_j), (n,).
+        rows = reduced.slopes * (c / unit)[:, None, None]
+        grams = np.swapaxes(rows, 1, 2) @ rows
+        H = np.eye(w) + reduced.known.T @ reduced.known + grams.sum(axis=0)
+        directions = np.trace(np.linalg.solve(H, grams), axis1=1, axis2=2)
         longer = np.sum(model[:, None] @ reduced.slopes, axis=1)
         pull = (directions / np.maximum(np.sum(model**2, axis=1), 1e-300)) @ longer
         along, J = J[:, w:], J[:, :w]
@@ -130,14 +134,6 @@ def most_probable(
     start = np.zeros(w) if z is None else z
     z = gauss_newton(linearise, start, passes=_PASSES, done=_CLOSE, halvings=_HALVINGS).x
     return z, reduced.inverse_gains(z)
-
-
-def _directions(reduced: GainRows, c: Array, unit: Array) -> Array:
-    """d_j = tr(H⁻¹ c_j² G_jᵀG_j), (n,): directions of z that each channel determines."""
-    rows = reduced.slopes * (c / unit)[:, None, None]
-    grams = np.swapaxes(rows, 1, 2) @ rows
-    H = np.eye(reduced.width) + reduced.known.T @ reduced.known + grams.sum(axis=0)
-    return np.asarray(np.trace(np.linalg.solve(H, grams), axis1=1, axis2=2))
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ The file states π of its result.json and is refused beside another one.
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from msgspec import Meta
@@ -27,10 +27,9 @@ from runtime.errors import IdentificationError
 from runtime.estimators.convex.entropic_prior import bodies_of
 from runtime.estimators.regression.factor import Elimination, Reduced, reduce
 from runtime.estimators.regression.posterior import posterior_of
-from runtime.estimators.regression.samples import NORMAL_95
 from runtime.estimators.uncertainty import LogInformation, without_gains
 from runtime.identification.identified import Identification
-from runtime.identification.result_record import FrictionPart, plain
+from runtime.identification.result_record import FrictionPart
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library, Mask
 from runtime.recording.formats.npz import open_npz, record_from_arrays, refusing
@@ -168,17 +167,6 @@ def friction_sigma(result: Identification) -> Array | None:
     """Standard deviations of `result.usual_phi`."""
     root, shape = friction_root(result), result.usual_phi.shape
     return None if root is None else np.linalg.norm(root, axis=1).reshape(shape)
-
-
-def friction_intervals(result: Identification) -> tuple[Any, Any]:
-    """`sigma` and `interval_95` of the friction in result.json; None without a posterior."""
-    sigma = friction_sigma(result)
-    if sigma is None:
-        return None, None
-    half = NORMAL_95 * sigma
-    ends = plain(np.stack([result.usual_phi - half, result.usual_phi + half], axis=2))
-    known = tuple(tuple(None if None in pair else pair for pair in row) for row in ends)
-    return plain(sigma), known
 
 
 def spring_lines(friction: FrictionPart | None) -> list[str]:

@@ -19,7 +19,7 @@ from runtime.estimators.friction_bounds import NEGATIVE, NEGATIVE_CAUSE, negativ
 from runtime.estimators.methods import METHODS
 from runtime.estimators.regression.causes import GAIN
 from runtime.estimators.regression.factor import compress
-from runtime.estimators.regression.samples import samples_of
+from runtime.estimators.regression.samples import NORMAL_95, samples_of
 from runtime.estimators.uncertainty import BAND_SAMPLES
 from runtime.identification import metrics, posterior_file, saved_result, statistics_file
 from runtime.identification import result_record as schema
@@ -435,13 +435,17 @@ def _friction(result: Identification) -> schema.FrictionPart | None:
         return None
     terms, motors = result.friction, result.train.motors
     names = () if result.log_names else result.train.column_names
-    sigma, interval = posterior_file.friction_intervals(result)
+    interval = None  # ends, where they are finite
+    if (sigma := friction_sigma(result)) is not None:
+        half = NORMAL_95 * sigma
+        ends = schema.plain(np.stack([result.usual_phi - half, result.usual_phi + half], axis=2))
+        interval = tuple(tuple(None if None in pair else pair for pair in row) for row in ends)
     return schema.FrictionPart(
         columns=tuple(names or terms.columns),
         values=schema.plain(result.usual_phi),
         **{key: getattr(terms, key) for key in WIDTHS},
         gear=terms.gear if motors is None else schema.plain(motors),
-        sigma=sigma,
+        sigma=schema.plain(sigma),
         interval_95=interval,
         net=None if result.learned is None else result.learned.facts(),
     )

@@ -290,9 +290,13 @@ def scores_of_rows(rows: ChangedRows, root: Array) -> Scores:
     density = of_rows = float(np.trace(scatter)) / len(z)
     block = ((t - t[0]) // BLOCK_S).astype(int)
     if rows.period:
-        density = max(density, _returning(rows.period, basis, slow))
+        # R S̄ of a motion of R repetitions: variance of scores by residuals that return with it.
+        phase = np.arange(count) % rows.period
+        again, mean = _sums(basis, phase), _sums(slow, phase) / np.bincount(phase)[:, None]
+        returning = coloured_noise_of_rows(again, mean).density
+        density = max(density, float(np.sum(again**2)) / len(z) * returning)
         number = max(FEWEST, round(block[-1] * rows.period / count))
-        block = np.arange(count) % rows.period * number // rows.period
+        block = phase * number // rows.period
     # The variance is that of all rows, fast ones too.
     coloured = ColouredNoise(density, (float(np.sum(rest**2)) + len(z) * density) / rest.size)
     g = _sums(np.einsum("ijk,ij->ik", basis, slow), block)
@@ -339,13 +343,6 @@ def _sums(values: Array, group: NDArray[np.int64]) -> Array:
     sums = np.zeros((int(group.max()) + 1, *values.shape[1:]))
     np.add.at(sums, group, values)
     return sums
-
-
-def _returning(period: int, basis: Array, rest: Array) -> float:
-    """R S̄ of a motion of R repetitions: variance of scores by residuals that return with it."""
-    phase = np.arange(len(rest)) % period
-    rows, mean = _sums(basis, phase), _sums(rest, phase) / np.bincount(phase)[:, None]
-    return float(np.sum(rows**2)) / rows.shape[2] * coloured_noise_of_rows(rows, mean).density
 
 
 def _at_rest(t: Array, rests: NDArray[np.bool_]) -> list[tuple[int, slice]]:

@@ -8,14 +8,7 @@ import numpy as np
 
 from runtime.common.files import json_of, write_json
 from runtime.errors import IdentificationError, RecordingError
-from runtime.excitation.motion.trajectory import (
-    COSINE,
-    WAYS,
-    JoinedMotion,
-    Trajectory,
-    basis_of,
-    joined,
-)
+from runtime.excitation.motion import trajectory as motions
 from runtime.excitation.search.design import Design
 from runtime.excitation.search.design_settings import LONGEST
 from runtime.excitation.search.prediction import Prediction
@@ -29,7 +22,7 @@ def write_trajectory(
     lib: Library,
     path: Path,
     prediction: Prediction | None = None,
-    ways: Mapping[str, Trajectory] | None = None,
+    ways: Mapping[str, motions.Trajectory] | None = None,
     further: Mapping[str, Any] | None = None,
 ) -> None:
     """Write a design and its predicted accuracy, atomically."""
@@ -49,11 +42,11 @@ def write_trajectory(
 
 
 def write_motion(
-    trajectory: Trajectory,
+    trajectory: motions.Trajectory,
     lib: Library,
     path: Path,
     known: dict[str, Any] | None = None,
-    ways: Mapping[str, Trajectory] | None = None,
+    ways: Mapping[str, motions.Trajectory] | None = None,
 ) -> None:
     """Write a trajectory and further facts, atomically."""
     facts = {
@@ -66,7 +59,7 @@ def write_motion(
     write_json(path, facts, allow_nan=True)
 
 
-def _facts(trajectory: Trajectory) -> dict[str, Any]:
+def _facts(trajectory: motions.Trajectory) -> dict[str, Any]:
     basis = trajectory.basis
     return {
         "basis": basis.equation,
@@ -78,18 +71,18 @@ def _facts(trajectory: Trajectory) -> dict[str, Any]:
     }
 
 
-def read_session(path: Path, lib: Library) -> JoinedMotion:
+def read_session(path: Path, lib: Library) -> motions.JoinedMotion:
     """Read a motion with the ways to its start and back that its file holds."""
     motion = read_trajectory(path, lib)
     facts = json_of(path)
     approach, back = (
         _trajectory(facts[name], facts["joints"], path, lib) if name in facts else None
-        for name in WAYS
+        for name in motions.WAYS
     )
-    return joined(approach, motion, back)
+    return motions.joined(approach, motion, back)
 
 
-def read_trajectory(path: Path, lib: Library) -> Trajectory:
+def read_trajectory(path: Path, lib: Library) -> motions.Trajectory:
     """Read a trajectory of this robot; a file without the name of a basis has cosines."""
     try:
         facts = json_of(path)
@@ -106,14 +99,16 @@ def _no_trajectory(path: Path, error: Exception) -> RecordingError:
     )
 
 
-def _trajectory(facts: Any, joints: object, path: Path, lib: Library) -> Trajectory:
+def _trajectory(facts: Any, joints: object, path: Path, lib: Library) -> motions.Trajectory:
     """A trajectory of a file, checked against its robot."""
     try:
-        trajectory = Trajectory(
+        trajectory = motions.Trajectory(
             np.array(facts["home"], dtype=float),
             np.array(facts["coefficients"], dtype=float),
             float(facts["duration"]),
-            basis_of(facts.get("basis_name", COSINE.name), facts.get("zero_jerk_at_ends") is True),
+            motions.basis_of(
+                facts.get("basis_name", motions.COSINE.name), facts.get("zero_jerk_at_ends") is True
+            ),
         )
     except IdentificationError as error:
         raise RecordingError(f"the trajectory '{path}' cannot be read: {error}") from None

@@ -207,15 +207,19 @@ def audit_mass(
     lower, upper = joint_box(lib)
     q = np.random.default_rng(seed).uniform(lower, upper, (samples, lib.n_joints))
     least = np.linalg.eigvalsh(lib.mass_matrix(q, pi) + np.diag(rotors))[:, 0]
+
+    def eigenvalue(q: Array) -> tuple[float, Array]:
+        """λ_min and its gradient vᵀ ∂(M v)/∂q, v its eigenvector; M v: torque by ddq = v."""
+        values, vectors = np.linalg.eigh(lib.mass_matrix(q, pi) + np.diag(rotors))
+        v, still = vectors[:, 0], np.zeros(lib.n_joints)
+        pushed, _, _ = lib.inverse_dynamics_derivatives(q, still, v, pi)
+        at_rest, _, _ = lib.inverse_dynamics_derivatives(q, still, still, pi)
+        return float(values[0]), v @ (pushed - at_rest)
+
     best, at = np.inf, q[0]
     for k in np.argsort(least)[:STARTS]:
-        descent = minimize(
-            lambda x: _least_eigenvalue(lib, pi, rotors, x),
-            q[k],
-            jac=True,
-            method="L-BFGS-B",
-            bounds=list(zip(lower, upper, strict=True)),
-        )
+        box = list(zip(lower, upper, strict=True))
+        descent = minimize(eigenvalue, q[k], jac=True, method="L-BFGS-B", bounds=box)
         # Where two eigenvalues meet, λ_min has a kink and the descent may stop early.
         value, place = (descent.fun, descent.x) if descent.fun < least[k] else (least[k], q[k])
         if value < best:
@@ -234,15 +238,6 @@ def joint_box(lib: Library) -> tuple[Array, Array]:
     half = np.array([_HALF_RANGE.get(joint.kind, np.pi) for joint in lib.manifest.joints])
     lower, upper = limits["lower"], limits["upper"]
     return np.where(np.isfinite(lower), lower, -half), np.where(np.isfinite(upper), upper, half)
-
-
-def _least_eigenvalue(lib: Library, pi: Array, rotors: Array, q: Array) -> tuple[float, Array]:
-    """λ_min and its gradient vᵀ ∂(M v)/∂q, v its eigenvector; M v: torque of an acceleration v."""
-    values, vectors = np.linalg.eigh(lib.mass_matrix(q, pi) + np.diag(rotors))
-    v, still = vectors[:, 0], np.zeros(lib.n_joints)
-    pushed, _, _ = lib.inverse_dynamics_derivatives(q, still, v, pi)
-    at_rest, _, _ = lib.inverse_dynamics_derivatives(q, still, still, pi)
-    return float(values[0]), v @ (pushed - at_rest)
 
 
 ALIKE = "the log is prepared as the log of identify; --cutoff and the setting rate change that"

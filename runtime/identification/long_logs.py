@@ -369,15 +369,8 @@ def assemble_streamed(
         return whole[name].recordings()
 
     train, validation, test = (_windows(whole[name], name) for name in PARTS)
-    assembly = assembled(
-        (train, validation, test),
-        lib,
-        chosen,
-        terms,
-        preparation.regressor,
-        is_joined=is_joined,
-        pieces=pieces,
-    )
+    given = (train, validation, test), lib, chosen, terms, preparation.regressor
+    assembly = assembled(*given, is_joined=is_joined, pieces=pieces)
     counts = {name: part.count() for name, part in whole.items()}
     spans = {name: part.span for name, part in whole.items()}
     blocks = {id(part.kept): len(part) for part in whole.values()}  # parts may share them

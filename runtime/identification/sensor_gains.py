@@ -226,15 +226,7 @@ def problem_of(
                 f"expected {FEWEST_ROWS} samples or more of '{run.name}' after its preparation, "
                 f"got {len(runs[-1])}; record for longer"
             )
-    to_channels, channels = channels_of(empty, lib)
-    return GainProblem(
-        lib=lib,
-        runs=tuple(runs),
-        mount=mount,
-        payload=payload,
-        to_channels=to_channels,
-        channels=channels,
-    )
+    return GainProblem(lib, tuple(runs), mount, payload, *channels_of(empty, lib))
 
 
 def _require_two_runs(empty: Recording, loaded: Recording) -> None:
@@ -277,7 +269,6 @@ def _reading(run: Recording) -> tuple[object, ...]:
     return (run.recipe.gear, *scaling)
 
 
-Claims = Mask
 LARGEST_SIGMA = 0.1  # relative σ above which a gain counts as not determined
 _CLEAR = 3.0  # standard deviations from which on a difference is significant
 
@@ -305,7 +296,7 @@ class Gains:
     gain: Array
     estimate: Array
     covariance: Array
-    is_determined: Claims
+    is_determined: Mask
     bias: Array
     bias_sigma: Array
     noise: Array
@@ -352,12 +343,12 @@ def identify_gains(
     require_library(lib)
     problem = problem_of(empty, loaded, lib, payload, link, friction, preparation)
     solution = solve(reduced(problem.blocks()), problem.n_samples, len(RUNS))
-    stretches = (_over_noise(problem, solution, block) for block in problem.blocks())
+    stretches = (_over_noise(solution, block) for block in problem.blocks())
     blocks = sum(-(-len(run) // _BLOCK) for run in problem.runs)
     return _gains(problem, solution, coloured_noise_of_basis(stretches, blocks))
 
 
-def _over_noise(problem: GainProblem, solution: GainSolution, block: Array) -> tuple[Array, Array]:
+def _over_noise(solution: GainSolution, block: Array) -> tuple[Array, Array]:
     """Orthonormal basis of the fitted rows, (N, n, ·), and residual over noise, (N, n)."""
     rest = solution.rest(block) / solution.noise[:, None]
     if not np.isfinite(rest).all():
@@ -375,9 +366,7 @@ def _root(problem: GainProblem, solution: GainSolution, coloured: ColouredNoise)
         return root
     step = -(-problem.n_samples // MOST_ROWS)
     runs = tuple(run.rows(slice(None, None, step)) for run in problem.runs)
-    parts = [
-        _over_noise(problem, solution, block) for block in replace(problem, runs=runs).blocks()
-    ]
+    parts = [_over_noise(solution, block) for block in replace(problem, runs=runs).blocks()]
     # As many rows of a low-passed log know as much: the basis of the fewer ones is longer.
     basis = np.concatenate([each for each, _ in parts]) * np.sqrt(step)
     rest = np.concatenate([each for _, each in parts])
@@ -396,8 +385,7 @@ def _gains(problem: GainProblem, solution: GainSolution, coloured: ColouredNoise
     p = len(solution.theta)
     of_gains, of_offsets = root[p : p + n], root[p + n :].reshape(len(RUNS), n, -1)
     covariance = of_gains @ of_gains.T
-    sigma = np.sqrt(np.diagonal(covariance))
-    share = sigma / np.maximum(np.abs(solution.g), np.finfo(float).tiny)
+    share = np.sqrt(np.diagonal(covariance)) / np.maximum(np.abs(solution.g), np.finfo(float).tiny)
     is_determined = share <= LARGEST_SIGMA
     if not (solution.converged and is_determined.any()):  # without a visible load g tends to 0
         raise IdentificationError(
@@ -432,7 +420,7 @@ def _gains(problem: GainProblem, solution: GainSolution, coloured: ColouredNoise
 
 
 def _notes(
-    problem: GainProblem, g: Array, covariance: Array, share: Array, is_determined: Claims
+    problem: GainProblem, g: Array, covariance: Array, share: Array, is_determined: Mask
 ) -> tuple[str, ...]:
     notes = []
     weak = np.flatnonzero(~is_determined)

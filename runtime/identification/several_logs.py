@@ -89,18 +89,12 @@ def agreement_of(
 
     def left_out(k: int) -> LeftOutPart:
         """Errors of the result of all other logs on all rows of one log."""
-        tau, others = measured[k], fit_of([j for j in range(len(logs)) if j != k])
-        before, after, alone = (predicted(each, k) for each in (None, others, singles[k]))
+        tau, rest = measured[k], fit_of([j for j in range(len(logs)) if j != k])
+        before, after, alone = (predicted(each, k) for each in (None, rest, singles[k]))
         shifted = after - np.mean(after - tau, axis=0)  # its offset is its mean residual
         errors = [torque_error(tau, each) for each in (before, after, shifted, alone)]
-        return LeftOutPart(
-            name=names[k],
-            before_overall=errors[0].overall,
-            after_overall=errors[1].overall,
-            log_offset_overall=errors[2].overall,
-            single_log_overall=errors[3].overall,
-            rms=plain(errors[1].rms),
-        )
+        urdf, others, offset, own = (each.overall for each in errors)
+        return LeftOutPart(names[k], urdf, others, offset, own, plain(errors[1].rms))
 
     estimates = [about(single) for single in singles]
     masses = np.array([mass(links(pi)) for pi, _ in estimates])

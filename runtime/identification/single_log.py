@@ -188,9 +188,7 @@ def identify_assembled(
     if optimum is None:
         guess = lib.pi_from_lam(problem.start)
         bounds = bounds_of(problem, True) if METHODS[method].bounds_friction else None
-        optimum = np.nan
-        if chosen.certify:
-            optimum = convex_optimum(lib, statistics, guess, bounds).loss
+        optimum = convex_optimum(lib, statistics, guess, bounds).loss if chosen.certify else np.nan
     weights = problem.weights if fit.weights is None else fit.weights
     loss = statistics.value(fit.pi, fit.phi)  # in the weights of the optimum
     if fit.learned is not None:
@@ -288,10 +286,6 @@ def _uncertainty(
     """Posterior of the fit; κ is that of the inertial prior where it states one."""
     problem, prior = assembly.problem, settings.prior
     lib = problem.lib
-
-    def delay() -> tuple[float, float] | None:
-        return _delay_beside(assembly, settings)
-
     posterior = uncertainty_of(
         lib,
         problem.train,
@@ -306,7 +300,7 @@ def _uncertainty(
         centre=None if prior is None else prior.centre,
         tests=tests,
         gain_sigma=settings.gain_sigma,
-        delay=delay,
+        delay=lambda: _delay_beside(assembly, settings),
     )
     if problem.train.equations < lib.n_joints:  # rows of power have no noise of single joints
         samples = samples_of(assembly.parts[0], lib)

@@ -18,14 +18,7 @@ import numpy as np
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.entropic_prior import (
-    AS_STATED,
-    Bodies,
-    Prior,
-    log_evidence,
-    prior_of,
-    spread_of,
-)
+from runtime.estimators.convex import entropic_prior as entropic
 from runtime.estimators.convex.newton import convex_problem, solve
 from runtime.estimators.regression.factor import Reduced
 from runtime.identification.posterior_file import SavedPosterior
@@ -62,8 +55,8 @@ class Draws:
 class _Density:
     """U and its gradient in z, for many chains at once."""
 
-    bodies: Bodies
-    prior: Prior
+    bodies: entropic.Bodies
+    prior: entropic.Prior
     rows: Array
     target: Array
     kappa: float
@@ -123,7 +116,9 @@ def draw_models(
         mean += factors[:, : moved.shape[1]] @ moved.T
     phi = _friction(mean, posterior.usual(posterior.phi_root(system)), saved.friction.columns, rng)
     effective = count * (1 - kept) / (1 + kept)
-    thickened = density.prior.thinnest() / prior_of(lib, floor=AS_STATED).thinnest()
+    thickened = (
+        density.prior.thinnest() / entropic.prior_of(lib, floor=entropic.AS_STATED).thinnest()
+    )
     phi = phi.reshape(count, *saved.phi.shape)
     return Draws(pi, phi, density.mode, acceptance, thickened, effective)
 
@@ -133,20 +128,20 @@ def _density(lib: Library, posterior: SavedPosterior, data: Reduced) -> _Density
     scale = np.sqrt(known.density)
     rows, target = data.factor / scale, data.target / scale
 
-    def about(prior: Prior) -> _Density:
+    def about(prior: entropic.Prior) -> _Density:
         # The mode of U: γ = κ S / N in the units of the convex problem.
         gamma = known.kappa * known.density / data.count
         mode = solve(lib, convex_problem(data, prior, gamma)).pi
-        root = spread_of(prior.bodies, mode, rows, known.kappa).root
+        root = entropic.spread_of(prior.bodies, mode, rows, known.kappa).root
         return _Density(prior.bodies, prior, rows, target, known.kappa, mode, root)
 
     def evidence(density: _Density) -> float:
-        return log_evidence(density.prior, rows, target, known.kappa, density.mode)
+        return entropic.log_evidence(density.prior, rows, target, known.kappa, density.mode)
 
-    thick = about(prior_of(lib, known.centre, floor=0.0))
-    if not np.allclose(known.centre, prior_of(lib).centre, rtol=1e-9, atol=1e-12):
+    thick = about(entropic.prior_of(lib, known.centre, floor=0.0))
+    if not np.allclose(known.centre, entropic.prior_of(lib).centre, rtol=1e-9, atol=1e-12):
         return thick  # another first guess, or the centre of a type
-    stated = about(prior_of(lib, floor=AS_STATED))
+    stated = about(entropic.prior_of(lib, floor=entropic.AS_STATED))
     return stated if evidence(stated) > evidence(thick) + np.log(ODDS) else thick
 
 

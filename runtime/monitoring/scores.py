@@ -29,22 +29,7 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.optimize import minimize
 
 from runtime.errors import IdentificationError
-from runtime.estimators.regression.coloured_noise import (
-    ColouredNoise,
-    coloured_noise_of_rows,
-    densities_of_basis,
-    slow_cosines,
-    slow_part,
-    tells,
-)
-from runtime.estimators.regression.model_error import (
-    BLOCK_S,
-    FEWEST,
-    SHAPES,
-    USUAL_SIZE,
-    nuisance_columns,
-    torque_ranges,
-)
+from runtime.estimators.regression import coloured_noise, model_error
 from runtime.estimators.regression.posterior import APART, posterior_of
 from runtime.estimators.regression.samples import Samples
 from runtime.identification.identified import torque_of
@@ -67,7 +52,7 @@ USUAL = {
     "warming": 0.05,
     "model": 1.0,
     "posture": 0.5,
-    "shape": USUAL_SIZE,
+    "shape": model_error.USUAL_SIZE,
 }
 """Usual change of a robot between two days, without logs of reference: s; relative; relative to the
 range of the joint; relative, √2 times `LARGE_DAY` of friction. Usual change of bias and friction
@@ -150,7 +135,7 @@ class Usual:
 
 def changes_of(lib: Library, model: MonitoredModel, tau: Array) -> Changes:
     """Columns that a model can change by; a joint without a range takes the torque (N, n)."""
-    ranges = torque_ranges(lib, tau)
+    ranges = model_error.torque_ranges(lib, tau)
     rows: list[tuple[tuple[str, str], float, tuple[str, float]]] = []
     rows.append((("clock", ""), 1.0, ("ms", 1e3)))
     for joint, most, unit in zip(lib.joint_names, ranges, torque_units(lib.manifest), strict=True):
@@ -189,7 +174,7 @@ class ChangedRows:
 
     def tells(self) -> bool:
         """Whether the log is long enough for scores over all changes."""
-        return tells(self.rest.shape[1], self.cosines, self.columns.shape[2])
+        return coloured_noise.tells(self.rest.shape[1], self.cosines, self.columns.shape[2])
 
 
 def changed_rows(
@@ -216,9 +201,9 @@ def changed_rows(
     # Reading noise of q adds up along a path, but hardly in a span.
     span = np.maximum.accumulate(samples.q) - np.minimum.accumulate(samples.q)
     first = model.unknown_state(span) * over
-    shapes = np.zeros((count, n, n, SHAPES))
+    shapes = np.zeros((count, n, n, model_error.SHAPES))
     joints = np.arange(n)
-    shapes[:, joints, joints] = nuisance_columns(lib, pi, samples) * over[:, None]
+    shapes[:, joints, joints] = model_error.nuisance_columns(lib, pi, samples) * over[:, None]
     return ChangedRows(
         t,
         (samples.tau - tau) * over,
@@ -226,7 +211,7 @@ def changed_rows(
         columns,
         known,
         shapes.reshape(count, n, -1),
-        slow_cosines(samples),
+        coloured_noise.slow_cosines(samples),
         low_pass_inflation(model.preparation.cutoff_hz, t),
         tuple((float(dry[j]), j, part) for j, part in _at_rest(t, rests)),
         period_of(samples.q),
@@ -280,31 +265,33 @@ def named_columns(t: Array, tau: Array, friction: Sequence[Array]) -> Array:
 def scores_of_rows(rows: ChangedRows, root: Array) -> Scores:
     """Scores of a log, by the root L (p, columns) of the covariance of [β; φ]."""
     t, (count, n) = rows.t, rows.rest.shape
-    flat = slow_part(rows.columns, rows.cosines).reshape(count * n, -1)
+    flat = coloured_noise.slow_part(rows.columns, rows.cosines).reshape(count * n, -1)
     q = flat @ posterior_of(flat, rank=APART).root
     z = q.T @ rows.rest.ravel()
     basis, rest = q.reshape(count, n, -1), rows.rest - (q @ z).reshape(count, n)
-    slow = slow_part(rest, rows.cosines)
-    densities = np.maximum(densities_of_basis(basis, slow), 1e-300)
+    slow = coloured_noise.slow_part(rest, rows.cosines)
+    densities = np.maximum(coloured_noise.densities_of_basis(basis, slow), 1e-300)
     scatter = np.einsum("ijk,j,ijl->kl", basis, densities, basis, optimize=True)
     density = of_rows = float(np.trace(scatter)) / len(z)
-    block = ((t - t[0]) // BLOCK_S).astype(int)
+    block = ((t - t[0]) // model_error.BLOCK_S).astype(int)
     if rows.period:
         # R S̄ of a motion of R repetitions: variance of scores by residuals that return with it.
         phase = np.arange(count) % rows.period
         again, mean = _sums(basis, phase), _sums(slow, phase) / np.bincount(phase)[:, None]
-        returning = coloured_noise_of_rows(again, mean).density
+        returning = coloured_noise.coloured_noise_of_rows(again, mean).density
         density = max(density, float(np.sum(again**2)) / len(z) * returning)
-        number = max(FEWEST, round(block[-1] * rows.period / count))
+        number = max(model_error.FEWEST, round(block[-1] * rows.period / count))
         block = phase * number // rows.period
     # The variance is that of all rows, fast ones too.
-    coloured = ColouredNoise(density, (float(np.sum(rest**2)) + len(z) * density) / rest.size)
+    coloured = coloured_noise.ColouredNoise(
+        density, (float(np.sum(rest**2)) + len(z) * density) / rest.size
+    )
     g = _sums(np.einsum("ijk,ij->ik", basis, slow), block)
     g = g[np.bincount(block) > 0]
     meat = g.T @ g * (len(g) / max(len(g) - 1, 1))
     level = max(density, float(np.trace(meat)) / len(z))
     noise = scatter * (level / of_rows)
-    robust = _robust_share(g, noise) if len(g) >= FEWEST else 0.0
+    robust = _robust_share(g, noise) if len(g) >= model_error.FEWEST else 0.0
     noise += robust * (meat - noise)
     for size, j, part in rows.holds:
         held = basis[part, j].sum(axis=0)
@@ -412,7 +399,9 @@ def _most_probable(log_p: Callable[[Array], tuple[float, float]], count: int) ->
 def _common_part(changes: Changes, scores: Scores, scales: Array) -> tuple[Array, Array]:
     """Columns of (u, ε, shapes) in the scores of a log, and the covariance (r, r) about them."""
     columns = scores.columns[:, : len(changes.names)]
-    wide = np.hstack([columns, scores.error, scores.shape * np.repeat(changes.ranges, SHAPES)])
+    wide = np.hstack(
+        [columns, scores.error, scores.shape * np.repeat(changes.ranges, model_error.SHAPES)]
+    )
     named = columns * changes.usual(scales)
     posture = scores.error * scales[list(USUAL).index("posture")]
     return wide, np.asarray(scores.noise + named @ named.T + posture @ posture.T)
@@ -430,7 +419,7 @@ def _common(
     """Mean and covariance of (u, ε, shapes) given the logs; log p and RMS [σ] of their scores."""
     kinds = list(USUAL)
     sizes = [np.full(errors, scales[kinds.index("model")])]
-    sizes += [np.full(SHAPES * len(changes.ranges), scales[kinds.index("shape")])]
+    sizes += [np.full(model_error.SHAPES * len(changes.ranges), scales[kinds.index("shape")])]
     # What the model left on its own day is not small where the usual change is.
     first = np.maximum(changes.usual(scales), changes.usual(np.array(list(USUAL.values()))))
     first[changes.of("clock")] = np.hypot(first[changes.of("clock")], delay_sigma)

@@ -4,13 +4,7 @@ import numpy as np
 
 from runtime.excitation.motion.family import Basis
 from runtime.excitation.motion.trajectory import COSINE
-from runtime.excitation.search.information import (
-    Information,
-    Projection,
-    even_columns,
-    in_time,
-    projected,
-)
+from runtime.excitation.search import information as info
 from runtime.excitation.search.measures import Measure, log_cond, normalised, of_unit_length
 from runtime.library import Array, Library
 from runtime.library.compiled_programs import CompiledExcitation
@@ -41,7 +35,7 @@ class ConditionCost:
         harmonics: int,
         duration: float,
         basis: Basis = COSINE,
-        information: Information | None = None,
+        information: info.Information | None = None,
     ) -> None:
         """Cost for motions of one basis and duration."""
         self._lib, self._home = lib, home
@@ -59,7 +53,7 @@ class ConditionCost:
             if information.spectrum is not None:
                 self._filtered = information.spectrum.weighted_cosines(len(t), float(t[1] - t[0]))
             names = information.friction
-            self._nuisance = even_columns(names) if basis.is_symmetric else names
+            self._nuisance = info.even_columns(names) if basis.is_symmetric else names
         self.compiled = None
         if information is None:
             self.compiled = CompiledExcitation.of(lib.binding, home, self._basis)
@@ -116,7 +110,7 @@ class ConditionCost:
             slopes.append(self._back(motion, rows @ self._to_mean(slope), friction))
         return np.concatenate(matrices), np.concatenate(slopes)
 
-    def _regressor(self, a: Array) -> tuple[Array, Array, Projection | None]:
+    def _regressor(self, a: Array) -> tuple[Array, Array, info.Projection | None]:
         """States q, dq, ddq (3, K N, n), W (K, N n, n_b) of K trajectories, and its projection."""
         motion = np.einsum("kjm,tmd->dktj", a, self._basis)
         motion[0] += self._home
@@ -124,16 +118,16 @@ class ConditionCost:
         y = self._lib.base_regressor(*motion.reshape(3, -1, n))
         friction = None
         if self._filtered is not None:
-            y = in_time(self._filtered, y.reshape(len(a), samples, n, -1)).reshape(y.shape)
+            y = info.in_time(self._filtered, y.reshape(len(a), samples, n, -1)).reshape(y.shape)
         if self._nuisance:
             rows = y.reshape(len(a), samples, n, -1)
-            friction = projected(rows, motion[1], self._nuisance, self._filtered)
+            friction = info.projected(rows, motion[1], self._nuisance, self._filtered)
             y = friction.rows.reshape(-1, n, y.shape[-1])
         if self._rows is not None:
             y = y * self._rows[:, None]
         return motion.reshape(3, -1, n), y.reshape(len(a), -1, y.shape[-1]), friction
 
-    def _back(self, motion: Array, seed: Array, friction: Projection | None) -> Array:
+    def _back(self, motion: Array, seed: Array, friction: info.Projection | None) -> Array:
         """Gradients ∂⟨seed, W⟩/∂a, (K, n, M)."""
         samples, n = motion.shape[1:]
         q, dq, ddq = motion
@@ -143,7 +137,7 @@ class ConditionCost:
         of_rows = seed
         if self._filtered is not None:
             apart = seed.reshape(-1, len(self._basis), n, seed.shape[-1])
-            of_rows = in_time(self._filtered.transpose(0, 2, 1), apart).reshape(seed.shape)
+            of_rows = info.in_time(self._filtered.transpose(0, 2, 1), apart).reshape(seed.shape)
         adjoint = self._lib.regressor_adjoint(q, dq, ddq, of_rows)
         adjoint = adjoint.reshape(-1, len(self._basis), 3, n)
         if friction is not None:

@@ -52,7 +52,13 @@ def on_cluster(
                 client.submit(*call, piece, key=f"{key}-{next(numbers)}", pure=False)
                 for piece in pieces
             ]
-            _require_workers(client, scheduler)
+            try:
+                client.wait_for_workers(1, timeout=PATIENCE)
+            except TimeoutError:
+                raise IdentificationError(
+                    f"the scheduler at '{scheduler}' has no worker after {PATIENCE:g} s; start "
+                    f"some with: dask worker {scheduler}"
+                ) from None
             for future in as_completed(futures, loop=client.loop):
                 yield _result(future, scheduler, of)
     finally:
@@ -103,14 +109,4 @@ def _connected(scheduler: str) -> Any:
         raise IdentificationError(
             f"there is no dask scheduler at '{scheduler}' ({type(error).__name__}); start one "
             "with: dask scheduler, and give its address as tcp://host:8786"
-        ) from None
-
-
-def _require_workers(client: Any, scheduler: str) -> None:
-    try:
-        client.wait_for_workers(1, timeout=PATIENCE)
-    except TimeoutError:
-        raise IdentificationError(
-            f"the scheduler at '{scheduler}' has no worker after {PATIENCE:g} s; start some with: "
-            f"dask worker {scheduler}"
         ) from None

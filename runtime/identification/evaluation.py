@@ -74,8 +74,7 @@ def position_errors(
         return None, ("positions are not predicted: a joint whose kp is 0 follows no command",)
     if np.any(np.abs(tau) >= np.where(limit > 0, gear * limit, np.inf)):
         return None, ("positions are not predicted: rows at the effort limit hide the commands",)
-    # As far as it is needed: with kd the log has dq.
-    command = tau + stiffness * recording.q
+    command = tau + stiffness * recording.q  # as far as it is needed: with kd the log has dq
     if damping.any():
         command = command + damping * recording.required("dq")
     t, rows = recording.t, recording.t <= recording.t[0] + MOST_SECONDS

@@ -270,8 +270,7 @@ def _prepared_logs(
     Friction model, regressor and gains of currents come from the first log, a cut-off from each.
     """
     if len(named) == 1 and (settings.delay is not None or settings.encoder_bias):
-        # The result states Coulomb friction per drive.
-        usable = without_memory(usable)
+        usable = without_memory(usable)  # The result states Coulomb friction per drive.
     first = prepared_log(named[0].recording, lib, _of(named[0], settings), usable, progress)
     rest = settings
     if settings.regressor == AUTO:
@@ -325,8 +324,7 @@ def drive_request(data: PreparedLog, settings: Settings, method: str) -> DriveRe
     """What is estimated of the drives; None for nothing."""
     estimated = settings.delay in {AUTO, PER_JOINT}
     commanded = data.recording.torque_source == COMMANDED
-    bias = settings.encoder_bias
-    wanted = bias if bias is not None else commanded and estimated
+    wanted = commanded and estimated if settings.encoder_bias is None else settings.encoder_bias
     if not (estimated or wanted or (commanded and method == "map")):
         return None
     return DriveRequest(estimated, settings.delay == PER_JOINT, wanted)

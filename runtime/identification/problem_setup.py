@@ -172,8 +172,7 @@ def assemble(
 
         return samples_of(done.mapped(at, "Taken at the rows of the training.", t=first.t), lib)
 
-    ends = first.t[0], first.t[-1]
-    origin = Origin(recording, terms, aligned, ends, chosen.inputs or {})
+    origin = Origin(recording, terms, aligned, (first.t[0], first.t[-1]), chosen.inputs or {})
     return replace(assembly, is_cut=is_cut, origin=origin)
 
 

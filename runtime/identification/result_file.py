@@ -72,7 +72,14 @@ def warnings_of(
     result: Identification, before: metrics.TorqueError, after: metrics.TorqueError
 ) -> list[str]:
     """Sentences about the limits of a result."""
-    warnings = [*still_joints(result), *result.notes, *of_the_log(result.train.history)]
+    warnings, history = [*still_joints(result), *result.notes], result.train.history
+    # Corrupt rows and warnings of the reading of the log.
+    pattern = r"(^|: )(Warning: |(?=Dropped .* as corrupt))"
+    warnings += [
+        f"{step[: match.start()]}{match[1]}{step[match.end() :].rstrip('.')}"
+        for step in history
+        if (match := re.search(pattern, step))
+    ]
     if result.train.torque_source == COMMANDED:
         warnings.append(
             "the torque is commanded by a control law, not measured: errors are shares of the "
@@ -88,7 +95,15 @@ def warnings_of(
             "motion for training"
         )
     if after.overall > UNEXPLAINED:
-        warnings.append(_unexplained(result, after))
+        # Remedies, the cheapest first.
+        filtered = METHODS[result.method].unfiltered or is_filtered(history)
+        advice = ["no low-pass was used: --cutoff auto; "] * (not filtered)
+        advice += ["no friction was modelled: --friction auto; "] * (not result.phi.size)
+        warnings.append(
+            f"{significant(after.overall, 3)} % of the test torque is unexplained, too much for a "
+            f"useful model; {''.join(advice)}check units, order and signs with: python -m runtime "
+            "inspect LOG"
+        )
     warnings += _negative(result)
     if not result.has_test:
         warnings.append(
@@ -125,8 +140,7 @@ def warnings_of(
             "the fit is exact to rounding: the torque is simulated or the output of a model, not a "
             "measurement"
         )
-    unknowns = result.lib.base_matrix.shape[0]
-    if len(result.train) * result.lib.n_joints < 3 * unknowns:
+    if len(result.train) * result.lib.n_joints < 3 * len(result.lib.base_matrix):
         warnings.append("there are fewer than three equations per unknown; record for longer")
     return warnings
 
@@ -141,28 +155,6 @@ def doubts_of(result: Identification, warnings: Iterable[str]) -> list[str]:
     stated = [warning for warning in warnings if strong.search(warning)]
     doubts = [*still_joints(result), *contradicted, *stated]
     return sorted(doubts, key=lambda doubt: doubt.endswith(FOLLOWS))
-
-
-def of_the_log(history: Iterable[str]) -> list[str]:
-    """Notes on the reading of a log: corrupt rows and warnings."""
-    matches = (re.search(r"(^|: )(Warning: |(?=Dropped .* as corrupt))", step) for step in history)
-    return [
-        f"{match.string[: match.start()]}{match[1]}{match.string[match.end() :].rstrip('.')}"
-        for match in matches
-        if match
-    ]
-
-
-def _unexplained(result: Identification, after: metrics.TorqueError) -> str:
-    """Remedies for a large error, the cheapest first."""
-    filtered = METHODS[result.method].unfiltered or is_filtered(result.train.history)
-    advice = ["no low-pass was used: --cutoff auto"] * (not filtered)
-    advice += ["no friction was modelled: --friction auto"] * (not result.phi.size)
-    return (
-        f"{significant(after.overall, 3)} % of the test torque is unexplained, too much for a "
-        f"useful model; {'; '.join(advice)}{'; ' if advice else ''}check units, order and signs "
-        "with: python -m runtime inspect LOG"
-    )
 
 
 def _of_columns(result: Identification) -> list[str]:

@@ -170,7 +170,11 @@ class CompiledAdam(Jobs):
         n = problem.weights.size
         if batch and problem.samples is not None:
             job.batch, job.columns_per_joint = batch, problem.samples.shape[1] // n - 4
-            job.samples = self._pointer(_with_sines(problem.samples, n))
+            # Rows [q dq ddq tau columns] in the order of `mini_batch` in descent.c.
+            q, rest = problem.samples[:, :n], problem.samples[:, n:]
+            pairs = np.stack((np.sin(q), np.cos(q)), axis=2).reshape(len(q), 2 * n)
+            rows = np.hstack([pairs, rest, q])
+            job.samples = self._pointer(padded(rows, padded_size(rows.shape[1])))
             job.weight = self._pointer(problem.weights)
         width, equations = padded_size((6 + job.columns_per_joint) * n), job.equations
         scratch = LANES * (width + size) + (4 + equations) * equations + job.padded
@@ -232,13 +236,6 @@ class CompiledLevenberg(Jobs):
     def x(self, index: int) -> Array:
         """The current point of a job."""
         return self._x[index].copy()
-
-
-def _with_sines(samples: Array, n: int) -> Array:
-    """Rows [q dq ddq tau columns] in the order of `mini_batch` in descent.c."""
-    q = samples[:, :n]
-    pairs = np.stack((np.sin(q), np.cos(q)), axis=2).reshape(len(q), 2 * n)
-    return padded(np.hstack([pairs, samples[:, n:], q]), padded_size(samples.shape[1] + 2 * n))
 
 
 def _padded(array: Array, size: int) -> Array:

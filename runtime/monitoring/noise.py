@@ -276,8 +276,7 @@ def crossing_rate(z: Array, correlation: Array, rate_hz: float) -> Array:
     rest = np.sqrt(np.maximum(1 - correlation**2, 1e-12))
     # Most of the integral lies within some of these widths below the level.
     width = np.minimum(8.0 * rest / np.maximum(1 + correlation, 1e-3) + 8.0 * rest, 40.0)
-    share = (np.arange(_POINTS) + 0.5) / _POINTS
-    x = z[:, None] - width[:, None] * share
+    x = z[:, None] - width[:, None] * ((np.arange(_POINTS) + 0.5) / _POINTS)
     tail = ndtr((correlation[:, None] * x - z[:, None]) / rest[:, None])
     density = np.exp(-(x**2) / 2) / np.sqrt(2 * np.pi)
     return np.asarray(rate_hz * (density * tail).mean(axis=1) * width)

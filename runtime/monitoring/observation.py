@@ -149,8 +149,7 @@ class Detector:
     levels: Array  # z, (n,)
     root: Array | None  # root of the covariance of [β; φ], (p, columns); None where it is not known
     share: Array | float = 1.0  # w of dry friction and timing in the thresholds, (n,)
-    # (n,) whether r is the direct torque
-    is_direct: Mask | bool = False
+    is_direct: Mask | bool = False  # whether r is the direct torque, (n,)
 
     @property
     def thresholds(self) -> Array:
@@ -186,9 +185,7 @@ def candidates(rate_hz: float, within_s: float) -> tuple[observer.ObserverSettin
         )
     steps = sorted({int(share * within_s * rate_hz) for share in WINDOWS})
     pairs = [(each, "measured") for each in steps] + [(each, "position") for each in steps if each]
-    return tuple(
-        observer.observer_settings(rate_hz, within_s, each, source) for each, source in pairs
-    )
+    return tuple(observer.observer_settings(rate_hz, within_s, *pair) for pair in pairs)
 
 
 def detector_for(

@@ -107,8 +107,7 @@ def draw_models(
             "identify a log with the noise of a measurement"
         ) from None
     z, acceptance, kept = _chains(density, count, rng)
-    errors = posterior.pi_root[:, lib.pi0.size :]
-    pi, factors = _with_error(density, density.pi(z), errors, rng)
+    pi, factors = _with_error(density, density.pi(z), posterior.pi_root[:, lib.pi0.size :], rng)
     # φ | π is normal around what the result states at its π, moved by the same nuisance torque.
     mean = saved.phi.ravel() + (pi - posterior.pi) @ posterior.usual(system.slope).T
     if posterior.phi_nuisance is not None and posterior.phi_nuisance.size:

@@ -161,8 +161,7 @@ def slope_of(x: Array, y: Array, sigma: Array) -> Slope | None:
         return None
     (value, offset), covariance = np.polyfit(x, y, 1, w=1 / sigma, cov="unscaled")
     rest, freedom = (y - offset - value * x) / sigma, len(x) - 2
-    factor = max(1.0, float(rest @ rest) / freedom)
-    deviation = np.sqrt(factor * covariance[0, 0])
+    deviation = np.sqrt(max(1.0, float(rest @ rest) / freedom) * covariance[0, 0])
     half = float(stdtrit(freedom, 0.975) * deviation)
     p_value = 2 * float(stdtr(freedom, -abs(value) / deviation))
     return Slope(float(value), (value - half, value + half), p_value, float(offset))

@@ -33,8 +33,7 @@ from runtime.recording.row_marks import row_hashes, row_marks, share_of_rows
 __all__ = ["watch"]
 
 KNOWN = 0.5  # share of rows of the model or of a reference log from which a log is no later one
-AnyLog = str | PathLike[str] | Recording | FreeBaseRecording
-"""A file, or its log as it was read."""
+AnyLog = str | PathLike[str] | Recording | FreeBaseRecording  # a file, or its log as it was read
 
 
 @one_blas_thread

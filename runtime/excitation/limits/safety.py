@@ -64,8 +64,18 @@ class Safety:
             raise IdentificationError(
                 f"the table needs a finite height in m in the base frame, got {self.table:g}"
             )
-        if self.box is not None:
-            _check_box(self.box)
+        if (box := self.box) is not None:
+            if len(box) != 6 or np.isnan(box).any():
+                raise IdentificationError(
+                    "a box for the tip needs xmin, xmax, ymin, ymax, zmin, zmax in m, got "
+                    + ", ".join(f"{x:g}" for x in box)
+                )
+            for axis, low, high in zip("xyz", box[::2], box[1::2], strict=True):
+                if not low < high:
+                    raise IdentificationError(
+                        f"the box for the tip is empty: {axis} from {low:g} m to {high:g} m; "
+                        f"give {axis}min below {axis}max"
+                    )
         if not 0 <= self.friction_band < np.inf:
             raise IdentificationError(
                 f"a band of friction from 0 up is needed, got {100 * self.friction_band:g} %; 20 % "
@@ -86,20 +96,6 @@ def require_share(share: float, what: str, left: str) -> None:
         raise IdentificationError(
             f"{what} above 0 and up to 1 is needed, got {share:g}; 0.95 leaves 5 % of {left}"
         )
-
-
-def _check_box(box: tuple[float, ...]) -> None:
-    if len(box) != 6 or np.isnan(box).any():
-        raise IdentificationError(
-            "a box for the tip needs xmin, xmax, ymin, ymax, zmin, zmax in m, got "
-            + ", ".join(f"{x:g}" for x in box)
-        )
-    for axis, low, high in zip("xyz", box[::2], box[1::2], strict=True):
-        if not low < high:
-            raise IdentificationError(
-                f"the box for the tip is empty: {axis} from {low:g} m to {high:g} m; "
-                f"give {axis}min below {axis}max"
-            )
 
 
 def unchecked(lib: Library, safety: Safety | None) -> tuple[str, ...]:

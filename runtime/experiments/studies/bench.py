@@ -1,6 +1,5 @@
 """Sec. 5.2 on the virtual FR3: tuning of the CAD model, adaptation to a payload, PC-IDIM-OLS."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -83,6 +82,10 @@ def _run(setup: BenchSetup, numbers: range, threads: int) -> list[study.Row]:
     """Fit all methods to both cases."""
     lib, config = setup.lib, setup.config
     rows: list[study.Row] = []
+
+    def frozen(problem: Problem) -> Fit:
+        return trials.fit_frozen(problem, setup.lam, config.adam, [])
+
     for case in LOGS:
         plain = setup.parts[case, "map"]
         problems = [_problem(setup, plain, number, case) for number in numbers]
@@ -92,7 +95,10 @@ def _run(setup: BenchSetup, numbers: range, threads: int) -> list[study.Row]:
         rubbing = setup.parts[case, "map-friction"]
         for part, suffix in ((plain, ""), (rubbing, "-friction")):
             same = [_problem(setup, part, number, case) for number in numbers]
-            descents = _descents(setup, case, same, threads)
+            if case != FROZEN:
+                descents = trials.adam_of_all(same, config.adam, threads)
+            else:
+                descents = [trials.timed(frozen, each) for each in same]
             for number, problem, timed in zip(numbers, same, descents, strict=True):
                 rows.append(_row(case, f"adam{suffix}", number, part, problem, timed))
         pc_ols = METHODS["pc-ols"].fit
@@ -105,18 +111,6 @@ def _run(setup: BenchSetup, numbers: range, threads: int) -> list[study.Row]:
                 timed = trials.timed(solve, problem)
                 rows.append(_row(case, method, number, part, problem, timed))
     return rows
-
-
-def _descents(
-    setup: BenchSetup, case: str, problems: Sequence[Problem], threads: int
-) -> list[tuple[Fit, float]]:
-    """λ-Adam of all problems of a case, with its seconds."""
-    preset = setup.config.adam
-    if case == FROZEN:
-        return [
-            trials.timed(lambda p: trials.fit_frozen(p, setup.lam, preset, []), p) for p in problems
-        ]
-    return trials.adam_of_all(problems, preset, threads)
 
 
 def _problem(setup: BenchSetup, part: Part, number: int, case: str) -> Problem:

@@ -33,7 +33,6 @@ from runtime.estimators.regression.samples import SILENT, Samples, residuals, th
 from runtime.identification.free_base import rows as equations
 from runtime.identification.result_record import VerticalForcePart
 from runtime.library import Array, Library
-from runtime.library.free_base import FREEDOM
 from runtime.recording.friction.columns import LOAD
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion
 from runtime.recording.settings import Friction
@@ -183,7 +182,13 @@ def drives_of(
                         f"{name}: every torque of the joints is zero, expected those that move the "
                         "robot; give them, or leave out friction and delay"
                     )
-            before = _first_noise(lib, few)
+            needed = lib.inverse_dynamics(few.q, few.dq, few.ddq, lib.pi0)
+            weight = float(rms(np.linalg.norm(needed[:, :3], axis=1)))
+            size = rms(np.asarray(few.tau))
+            size = np.maximum(size, 1e-3 * max(float(size.max()), 1e-300))
+            before = np.diag(
+                np.square(FIRST * np.array([*[weight] * 3, *[0.1 * weight] * 3, *size]))
+            )
             drives = replace(drives, covariance=before)
             samples = equations.rows_of(lib, few, choice, drives).samples
             for name, some in few.each():
@@ -254,17 +259,6 @@ def problem_of(
         noise_floor=floor,
         friction_prior=known,
     )
-
-
-def _first_noise(lib: Library, motion: FreeBaseMotion) -> Array:
-    """Covariance before any fit, (6 + n, 6 + n)."""
-    needed = lib.inverse_dynamics(motion.q, motion.dq, motion.ddq, lib.pi0)
-    weight = float(rms(np.linalg.norm(needed[:, :3], axis=1)))
-    sigma = np.empty(lib.n_rows)
-    sigma[:3], sigma[3:FREEDOM] = FIRST * weight, FIRST * 0.1 * weight
-    size = rms(np.asarray(motion.tau))
-    sigma[FREEDOM:] = FIRST * np.maximum(size, 1e-3 * max(float(size.max()), 1e-300))
-    return np.diag(sigma**2)
 
 
 def covariance_after(

@@ -79,8 +79,7 @@ class FleetFit:
     pi: Array  # most probable parameters of each unit, (U, 10 n)
     statistic: Array  # T of each unit, (U,)
     p_value: Array  # probability of a larger T, times the number of units, at most 1; (U,)
-    # whether a unit differs from its type by more than the spread, (U,)
-    stands_out: Mask
+    stands_out: Mask  # whether a unit differs from its type by more than the spread, (U,)
     # link of each unit that stands out by which it differs; −1 for the others, (U,)
     links: NDArray[np.int_]
     covariance: Array  # of β of each unit, (U, n_b, n_b)
@@ -136,8 +135,7 @@ class _View:
         AH = A @ self.H
         self.values, self.vectors = np.linalg.eigh(AH @ np.swapaxes(AH, 1, 2))
         self.values = np.maximum(self.values, 0.0)
-        rest = b - A @ (lib.base_matrix @ centre)
-        self.rest = np.einsum("uji,uj->ui", self.vectors, rest)
+        self.rest = np.einsum("uji,uj->ui", self.vectors, b - A @ (lib.base_matrix @ centre))
 
     def statistic(self, kappa: float) -> Array:
         """T of every unit, (U,)."""

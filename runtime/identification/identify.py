@@ -223,20 +223,16 @@ def _with_row_marks(
 
 
 def assembly_of_logs(
-    log: AnyLog,
-    lib: Library,
-    settings: Settings,
-    methods: Sequence[str],
-    progress: Progress = SILENT,
+    log: AnyLog, lib: Library, settings: Settings, methods: Sequence[str], shown: Progress = SILENT
 ) -> tuple[Assembly, list[str]]:
     """The problem of a log or of several that some methods share; sentences on what was chosen."""
     if walks := _walks(log):
         return assembly_of_walks(walks, lib, settings)
     _require_logs(log, lib, settings)
     named = _named(log)
-    data = _prepared_logs(named, lib, settings, usable_columns(methods), progress)
+    data = _prepared_logs(named, lib, settings, usable_columns(methods), shown)
     bare = data[0].settings(settings, None if len(named) > 1 else data[0].preparation)
-    return assembly_of(_source(named, data), lib, bare, progress), _notes(named, data)
+    return assembly_of(_source(named, data), lib, bare, shown, False), _notes(named, data)
 
 
 def _source(named: Sequence[NamedLog], data: Sequence[PreparedLog]) -> FittedSource:
@@ -259,11 +255,7 @@ def _notes(named: Sequence[NamedLog], data: Sequence[PreparedLog]) -> list[str]:
 
 
 def _prepared_logs(
-    named: Sequence[NamedLog],
-    lib: Library,
-    settings: Settings,
-    usable: tuple[str, ...],
-    progress: Progress,
+    named: list[NamedLog], lib: Library, settings: Settings, usable: Sequence[str], shown: Progress
 ) -> list[PreparedLog]:
     """The logs with what is chosen from them.
 
@@ -271,7 +263,7 @@ def _prepared_logs(
     """
     if len(named) == 1 and (settings.delay is not None or settings.encoder_bias):
         usable = without_memory(usable)  # The result states Coulomb friction per drive.
-    first = prepared_log(named[0].recording, lib, _of(named[0], settings), usable, progress)
+    first = prepared_log(named[0].recording, lib, _of(named[0], settings), usable, shown)
     rest = settings
     if settings.regressor == AUTO:
         rest = replace(rest, regressor=first.steps.regressor)
@@ -284,7 +276,7 @@ def _prepared_logs(
         log = each.recording
         if gains is not None:  # which are in the order of the robot
             log = scaled(independent_joints(log, lib), gains)
-        data.append(prepared_log(log, lib, _of(each, rest), (), progress))
+        data.append(prepared_log(log, lib, _of(each, rest), (), shown))
     return data
 
 
@@ -369,11 +361,7 @@ def with_drives(data: Sequence[PreparedLog], lib: Library, settings: Settings) -
 
 
 def without_drives(
-    names: Sequence[str],
-    data: list[PreparedLog],
-    lib: Library,
-    settings: Settings,
-    progress: Progress = SILENT,
+    names: list[str], data: list[PreparedLog], lib: Library, settings: Settings, progress: Progress
 ) -> tuple[list[PreparedLog], list[DriveFit], list[str]]:
     """The logs without delays of torques and biases of encoders; both; notes.
 

@@ -112,18 +112,13 @@ def prepared_log(
         streamed = replace(streamed, gains=recording.gains)  # those of the first rows
     if recording.columns is not None:
         return PreparedLog(recording, prepared, settings.split, terms, notes, streamed)
-    steps = prepared, parts
+    steps = prepared, parts, settings.coulomb_speed
     if terms is not None and terms.columns[:1] == (AUTO,):
         progress.step("choosing a friction model")
         further = without_torque_columns(replace(terms, columns=terms.columns[1:]))
-        names = [
-            name
-            for name, columns in FRICTION_MODELS.items()
-            if ROTOR.name not in columns or ROTOR.name in usable
-        ]
-        choice = choose_friction(
-            recording, lib, *steps, settings.coulomb_speed, names, extra=further.columns
-        )
+        rotor = ROTOR.name in usable
+        names = [k for k, each in FRICTION_MODELS.items() if rotor or ROTOR.name not in each]
+        choice = choose_friction(recording, lib, *steps, names, extra=further.columns)
         progress.choice(choice)
         beside = tuple(name for name in terms.columns[1:] if name not in further.columns)
         terms, notes = choice.chosen.terms, (*notes, choice.sentence)
@@ -135,9 +130,7 @@ def prepared_log(
             terms, note = of_type, f"the friction model is that of the fleet: {of_type}"
         else:
             chosen = choose_default_friction(
-                *(recording, lib, *steps, settings.coulomb_speed),
-                allowed=tuple(usable),
-                robust=settings.robust,
+                recording, lib, *steps, allowed=tuple(usable), robust=settings.robust
             )
             terms, note = chosen.terms, chosen.sentence
         notes += (note,)

@@ -145,16 +145,9 @@ def assemble(
         )
         return train, unseen
 
-    assembly = assembled(
-        parts,
-        lib,
-        chosen,
-        terms,
-        usual.regressor,
-        progress=progress,
-        is_joined=is_joined,
-        of_power=of_power if usual.regressor == "energy" else None,
-    )
+    given = parts, lib, chosen, terms, usual.regressor
+    by_power = of_power if usual.regressor == "energy" else None
+    assembly = assembled(*given, progress=progress, is_joined=is_joined, of_power=by_power)
     trained = fit_settings.shares_of(recording, chosen) if is_cut else EVERYTHING
     span = trained.joined() if is_joined else trained.train
     first, moving = assembly.parts[0], replace(usual, rest_speed=None)
@@ -232,14 +225,8 @@ def assembled(
         friction_prior=known_friction(lib, settings, names, terms),
         noise_floor=prior.noise if prior and regressor == "acceleration" else None,
     )
-    return Assembly(
-        problem,
-        parts,
-        terms,
-        pieces=None if pieces is None else rows,
-        notes=left_out_note(rounding, lib.joint_names, names),
-        is_joined=is_joined,
-    )
+    notes, given = left_out_note(rounding, lib.joint_names, names), None if pieces is None else rows
+    return Assembly(problem, parts, terms, pieces=given, notes=notes, is_joined=is_joined)
 
 
 def known_friction(

@@ -45,7 +45,7 @@ from runtime.estimators.uncertainty import Uncertainty, uncertainty_of
 from runtime.identification.identified import Identification, TrainedModel, torque_of
 from runtime.identification.long_logs import assemble_streamed
 from runtime.identification.problem_setup import NO_MASSES, Assembly, assemble, settings_for
-from runtime.identification.settings import SILENT, Progress, Settings, bare_settings, progress_of
+from runtime.identification.settings import Progress, Settings, bare_settings, progress_of
 from runtime.identification.several_logs import NamedLog, assemble_logs
 from runtime.library import Array, Library, Mask
 from runtime.recording import Friction, Recording
@@ -123,11 +123,7 @@ FittedSource = Recording | StreamedRecording | Sequence[NamedLog]
 
 
 def assembly_of(
-    log: FittedSource,
-    lib: Library,
-    settings: Settings,
-    progress: Progress = SILENT,
-    is_joined: bool = False,
+    log: FittedSource, lib: Library, settings: Settings, progress: Progress, is_joined: bool
 ) -> Assembly:
     """The problem of any log, or of several."""
     kind: Callable[..., Assembly] = assemble_logs

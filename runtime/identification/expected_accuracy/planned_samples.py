@@ -148,14 +148,11 @@ def repetition(q: Array, rest: Array) -> float:
 
 
 def information_of_logs(
-    lib: Library,
-    recordings: Sequence[Recording],
-    noise: Array,
-    friction: tuple[str, ...] = FRICTION,
+    lib: Library, logs: Sequence[Recording], noise: Array, friction: tuple[str, ...] = FRICTION
 ) -> Array:
     """Information G₀ on β in earlier logs: noise (n,) → (n_b, n_b)."""
     total = np.zeros((len(lib.base_columns),) * 2)
-    for recording in recordings:
+    for recording in logs:
         require_plausible(recording, lib)
         terms = recording.recipe.friction if recording.recipe else None
         if recording.columns is not None:

@@ -56,8 +56,7 @@ def identify_free_base(
         whole = _fitted(data, data.instants, trained.noise is not None)
         is_complete = whole.fit.status != Status.INTERRUPTED.value
         final = whole if is_complete else trained
-        counts = len(data.instants), len(data.parts[0])
-        said = [refit_note(*counts, "errors", is_complete)]
+        said = [refit_note(len(data.instants), len(data.parts[0]), "errors", is_complete)]
     fit, evidence, places = final.fit, final.evidence, data.of_drives
     root = evidence.phi_root
     sessions, of_logs = _agreement(data) if len(logs) > 1 else (None, ())
@@ -159,7 +158,7 @@ def assembly_of_walks(
     data = prepared_walk(logs, lib, settings, is_joined=False)
     motions = [data.motion.rows(part) for part in data.parts]
     rows = [data.rows_of(motion) for motion in motions]
-    problem, _ = _problem(data, rows[0], motions[0].seconds, rows[1])
+    problem, _ = _problem(data, rows[0], motions[0].seconds, rows[1], are_few=False)
     names, _ = data.tested.shown()
     samples = {part: each.shown()[1] for part, each in zip(PARTS, rows, strict=True)}
     shown = ShownRows(samples, (names, data.units_of(names)))
@@ -213,11 +212,7 @@ def _fitted(data: PreparedWalk, instants: Integers, are_few: bool = False) -> Wa
 
 
 def _problem(
-    data: PreparedWalk,
-    rows: FreeBaseRows,
-    seconds: float,
-    held_out: FreeBaseRows,
-    are_few: bool = False,
+    data: PreparedWalk, rows: FreeBaseRows, seconds: float, held_out: FreeBaseRows, are_few: bool
 ) -> tuple[Problem, Array]:
     """The problem of equations, and weights of its instants."""
     samples, weights = rows.samples, np.ones(len(rows.samples))

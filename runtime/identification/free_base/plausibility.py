@@ -115,11 +115,7 @@ def require_forces_on_robot(
 
 
 def notes_on_errors(
-    rms: Array,
-    after: Array,
-    phi: Array,
-    sensors: Mapping[str, float],
-    joints_are_named: bool = True,
+    rms: Array, after: Array, phi: Array, sensors: Mapping[str, float], are_named: bool = True
 ) -> tuple[str, ...]:
     """Notes on rows that the result does not explain, and on sensors far from what was stated."""
     notes = []
@@ -131,7 +127,7 @@ def notes_on_errors(
         )
     share = float(np.median(after[loaded] / rms[loaded])) if loaded.any() else 0.0
     if share > _UNEXPLAINED:
-        unnamed = "" if joints_are_named else " (the log has no array joints, which names them)"
+        unnamed = "" if are_named else " (the log has no array joints, which names them)"
         notes.append(
             f"half of the rows keep an error of {100 * share:.0f} % of their RMS or more: torques "
             "and wrenches do not fit this robot and motion; check names and order of joints"

@@ -265,15 +265,10 @@ class PostureDeviation:
 
 
 def posture_error(
-    run: Recording,
-    names: Sequence[str],
-    rows: Array,
-    errors: Array,
-    shape: Array,
-    covariance: Array,
+    run: Recording, names: Sequence[str], rows: Array, errors: Array, shape: Array, of_pi: Array
 ) -> PostureDeviation | None:
     """Errors that repeat with the position of the joint where they are largest."""
-    whole, variance, q = np.linalg.inv(shape), np.diagonal(covariance), run.q
+    whole, variance, q = np.linalg.inv(shape), np.diagonal(of_pi), run.q
     worst, largest = None, (False, 1.0)
     for joint in np.flatnonzero(np.ptp(q, axis=0) > LEAST_TRAVEL):
         edges = np.quantile(q[:, joint], np.arange(1, GROUPS) / GROUPS)

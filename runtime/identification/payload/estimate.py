@@ -37,9 +37,7 @@ from runtime.recording.rest_speeds import rest_speeds
 from runtime.recording.row_marks import same_rows
 
 LENGTH = 0.1  # relative difference of durations above which the runs are not the same trajectory
-
 APART = 0.05  # distance of positions over a joint's travel; controllers stay within 1 %
-
 CERTAIN_BY_FEW = 6.620212 / arm_error.FEW  # mass over σ by groups, as probable by t as normal 3 σ
 
 EXCHANGED = 0.5
@@ -165,8 +163,7 @@ def identify_payload(
         left, whole = (
             float(np.sum((each.left.errors / other.noise) ** 2)) for each in (other, solution)
         )
-        is_heavy = other.pi[0] > _CERTAIN * np.sqrt(other.covariance[0, 0])
-        if is_heavy and left < EXCHANGED * whole:
+        if other.pi[0] > _CERTAIN * np.sqrt(other.covariance[0, 0]) and left < EXCHANGED * whole:
             raise IdentificationError(
                 f"the difference of the runs is that of a negative mass: '{empty.name}' carries "
                 f"the payload and '{recording.name}' none; exchange them"
@@ -248,17 +245,12 @@ def _with_model_error(
 
 
 def _rows(
-    recording: Recording,
-    lib: Library,
-    mount: Mount,
-    model: arm_error.ArmModel,
-    preparation: Preparation | None,
+    run: Recording, lib: Library, mount: Mount, model: arm_error.ArmModel, steps: Preparation | None
 ) -> tuple[Recording, Samples, Array, Array]:
     """Prepared run and samples, residual τ − Y π_arm − F φ_arm (N, n), columns Y_k (N, n, 10)."""
-    recording = independent_joints(recording, lib)
-    require_plausible(recording, lib)
-    bare = recording.replace(columns=None, column_names=())
-    prepared = prepare(bare, preparation, model.friction, lib=lib)
+    run = independent_joints(run, lib)
+    require_plausible(run, lib)
+    prepared = prepare(run.replace(columns=None, column_names=()), steps, model.friction, lib=lib)
     s = samples_of(prepared, lib)
     residual = s.tau - lib.inverse_dynamics(s.q, s.dq, s.ddq, model.pi)
     if model.phi.size:
@@ -362,11 +354,7 @@ def _moment_note(mount: Mount, solution: _Solution) -> str:
 
 
 def _payload(
-    solution: _Solution,
-    mount: Mount,
-    model: arm_error.ArmModel,
-    differential: bool,
-    gain_error: float,
+    solution: _Solution, mount: Mount, model: arm_error.ArmModel, differential: bool, gains: float
 ) -> Payload:
     turn = mount.to_frame
 
@@ -394,9 +382,9 @@ def _payload(
         differential=differential,
         prior_dominated=weak,
         arm=model.origin,
-        gain_error=gain_error,
+        gain_error=gains,
         status=status_of(known, weak, solution.converged),
-        notes=notes_of(weak, share, model, differential, gain_error),
+        notes=notes_of(weak, share, model, differential, gains),
     )
 
 
@@ -412,18 +400,14 @@ def status_of(body: Body, weak: tuple[str, ...], converged: bool) -> str:
 
 
 def notes_of(
-    weak: tuple[str, ...],
-    share: float,
-    model: arm_error.ArmModel,
-    differential: bool,
-    gain_error: float,
+    weak: tuple[str, ...], share: float, model: arm_error.ArmModel, differential: bool, gains: float
 ) -> tuple[str, ...]:
     """Assumptions and limits of the result."""
     notes = []
-    if gain_error:
+    if gains:
         notes.append(
             "the intervals include independent errors of the torque gains, by the residual of "
-            f"{100 * gain_error:.2g} % per joint"
+            f"{100 * gains:.2g} % per joint"
         )
     else:
         notes.append(

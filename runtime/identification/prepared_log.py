@@ -148,11 +148,7 @@ def _in_order(
 
 
 def chosen_filter(
-    recording: Recording,
-    lib: Library,
-    settings: Settings,
-    terms: Friction | None = None,
-    progress: Progress = SILENT,
+    recording: Recording, lib: Library, settings: Settings, terms: Friction | None, shown: Progress
 ) -> tuple[Preparation | None, tuple[str, ...], Differentiation | None]:
     """The preparation with its cut-off, a sentence where that was chosen, and its quality if known.
 
@@ -169,7 +165,7 @@ def chosen_filter(
     prepared = preparation_of(recording, cutoff, settings.rate, regressor)
     if not (is_free or is_noisy):
         return prepared, (), quality
-    progress.step("choosing a cut-off")
+    shown.step("choosing a cut-off")
     is_named = terms is not None and terms.columns[:1] != (AUTO,)
     known = without_torque_columns(terms) if terms is not None and is_named else None
     wanted = prepared if is_free else preparation_of(recording, _ANY_HZ, None)
@@ -179,7 +175,7 @@ def chosen_filter(
         if is_free:
             raise
         return prepared, (), quality
-    progress.choice(choice)
+    shown.choice(choice)
     sentence = choice.sentence
     if quality is not None:
         sentence += f"; without one {quality.noise_in(lib)}"
@@ -193,7 +189,8 @@ def filter_for_accelerations(
 
     A chosen cut-off is lowered to harmless noise of accelerations; a note states other noise.
     """
-    prepared, notes, _ = chosen_filter(recording, lib, Settings(cutoff=cutoff, rate=rate))
+    stated = Settings(cutoff=cutoff, rate=rate)
+    prepared, notes, _ = chosen_filter(recording, lib, stated, None, SILENT)
     quality = differentiation_of(recording, lib, prepared) if prepared and notes else None
     if prepared is not None and quality is not None:
         if not quality.is_noisy:

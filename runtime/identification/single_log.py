@@ -119,6 +119,7 @@ def _replaced(
     return replace(assembly, problem=problem, parts=(train, validation, test))
 
 
+FitBy = Callable[[Problem], Fit]
 FittedSource = Recording | StreamedRecording | Sequence[NamedLog]
 
 
@@ -236,11 +237,7 @@ def _weighted(assembly: Assembly, method: str, settings: Settings) -> Assembly:
 
 
 def _refitted(
-    result: Identification,
-    whole: Assembly,
-    fitted: Callable[[Problem], Fit],
-    settings: Settings,
-    trained: int,
+    result: Identification, whole: Assembly, fitted: FitBy, settings: Settings, trained: int
 ) -> Identification:
     """The result of `trained` rows with the parameters of a fit to all rows."""
     fit = fitted(whole.problem)

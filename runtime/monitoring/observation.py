@@ -29,24 +29,16 @@ but a bias, and θ starts again. It starts in `START_BLOCKS` blocks, of which th
 bias: no contact is found in them.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library, Mask
+from runtime.monitoring import noise as noises
 from runtime.monitoring import observer
 from runtime.monitoring.model import CHUNK, SLOW, MonitoredModel
-from runtime.monitoring.noise import (
-    REVERSAL_S,
-    AlarmRate,
-    HeldOutResidual,
-    ObserverNoise,
-    levels,
-    near,
-    noise_of_observer,
-    rate_by_stretches,
-)
 from runtime.recording import Preparation, Recording
 from runtime.recording.friction.model import DAY, LARGE_DAY
 from runtime.recording.preprocessing.pipeline import on_grid
@@ -144,8 +136,8 @@ class Detector:
     model: MonitoredModel  # identified model
     settings: observer.ObserverSettings  # of the observer
     within_s: float  # time in which r shows 95 % of a step [s]
-    rate: AlarmRate  # stated rate of false alarms
-    noise: ObserverNoise  # of r in free motion
+    rate: noises.AlarmRate  # stated rate of false alarms
+    noise: noises.ObserverNoise  # of r in free motion
     levels: Array  # z, (n,)
     root: Array | None  # root of the covariance of [β; φ], (p, columns); None where it is not known
     share: Array | float = 1.0  # w of dry friction and timing in the thresholds, (n,)
@@ -161,7 +153,7 @@ class Detector:
         """Rate of false alarms where the variance of r differs from stretch to stretch [1/s]."""
         noise = self.noise
         z = self.thresholds / np.maximum(noise.sigma, 1e-300)
-        return rate_by_stretches(z, noise.correlation, self.settings.rate_hz, noise.ratios)
+        return noises.rate_by_stretches(z, noise.correlation, self.settings.rate_hz, noise.ratios)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -192,8 +184,8 @@ def detector_for(
     lib: Library,
     model: MonitoredModel,
     recording: Recording,
-    held_out: HeldOutResidual,
-    rate: AlarmRate,
+    held_out: noises.HeldOutResidual,
+    rate: noises.AlarmRate,
     within_s: float | None = None,
     root: Array | None = None,
 ) -> Detector:
@@ -205,8 +197,8 @@ def detector_for(
     choices = []
     for settings in candidates(part.rate_hz, within_s):
         (r,) = observer.external_torques(lib, model, settings, part)
-        noise = noise_of_observer(settings, held_out, part.t, r)
-        z = levels(rate.per_second, noise.correlation, settings.rate_hz)
+        noise = noises.noise_of_observer(settings, held_out, part.t, r)
+        z = noises.levels(rate.per_second, noise.correlation, settings.rate_hz)
         choices.append(Detector(model, settings, within_s, rate, noise, z, root))
     # Product of the thresholds of all joints, whatever their units.
     return min(choices, key=lambda each: np.sum(np.log(np.maximum(each.thresholds, 1e-300))))
@@ -232,31 +224,28 @@ class Signals:
 
 
 def signals_of(
-    lib: Library,
-    detector: Detector,
-    recording: Recording,
-    torques: tuple[Array, Array, Array] | None = None,
+    lib: Library, detector: Detector, log: Recording, torques: Sequence[Array] | None = None
 ) -> Signals:
     """External torque of a log and the terms of its thresholds, by what `both_torques` returned."""
     s, model = detector.settings, detector.model
-    if abs(recording.rate_hz - s.rate_hz) > RATE_OFF * s.rate_hz:
+    if abs(log.rate_hz - s.rate_hz) > RATE_OFF * s.rate_hz:
         raise IdentificationError(
             f"expected a log at {s.rate_hz:g} Hz, for which the observer was made, got "
-            f"{recording.rate_hz:g} Hz; give logs of one rate"
+            f"{log.rate_hz:g} Hz; give logs of one rate"
         )
-    first, direct, features = torques or both_torques(lib, model, s, recording)
+    first, direct, features = torques or both_torques(lib, model, s, log)
     r = np.where(detector.is_direct, direct, first)
     # What is usual is known from where all joints are, and the direct torque is later.
     r[~np.isfinite(r).all(axis=1)] = np.nan
-    band, extra, rest = (np.zeros_like(recording.q) for _ in range(3))
+    band, extra, rest = (np.zeros_like(log.q) for _ in range(3))
     unknown, slowest = unknown_dry_friction(lib, model), slow_speeds(lib, model)
-    for rows, motion, torque in observer.windows(lib, model, s, recording):
-        t, position, speed = recording.t[rows], np.asarray(motion.q), motion.dq
+    for rows, motion, torque in observer.windows(lib, model, s, log):
+        t, position, speed = log.t[rows], np.asarray(motion.q), motion.dq
         if detector.root is not None:
             band[rows] = _band(lib, detector, detector.root, motion)
         if unknown.any():
-            rest[rows] = near(t, np.abs(speed) < slowest, 0.0, REVERSAL_S) * unknown
-        slow = near(t, model.is_slow(speed), 0.0, REVERSAL_S)
+            rest[rows] = noises.near(t, np.abs(speed) < slowest, 0.0, noises.REVERSAL_S) * unknown
+        slow = noises.near(t, model.is_slow(speed), 0.0, noises.REVERSAL_S)
         travel = np.abs(np.diff(position, axis=0, prepend=position[:1])).cumsum(axis=0)
         extra[rows] = slow * (2 * model.dry_friction) + model.unknown_state(travel)
         lag = max(s.steps, SLOPE_STEPS)
@@ -264,7 +253,7 @@ def signals_of(
     sigma = detector.noise.sigma
     usual, variance = usual_torque(r, features, sigma, s.rate_hz)
     known = np.sqrt(band**2 + variance)
-    return Signals(recording.t, r - usual, np.sqrt(sigma**2 + known**2), band, known, extra, rest)
+    return Signals(log.t, r - usual, np.sqrt(sigma**2 + known**2), band, known, extra, rest)
 
 
 def both_torques(

@@ -89,15 +89,11 @@ class _Density:
 
 @one_blas_thread
 def draw_models(
-    lib: Library,
-    saved: SavedResult,
-    posterior: SavedPosterior,
-    count: int,
-    rng: np.random.Generator,
+    lib: Library, saved: SavedResult, posterior: SavedPosterior, size: int, rng: np.random.Generator
 ) -> Draws:
     """Draw models from a posterior."""
-    if count < 1:
-        raise IdentificationError(f"expected one model or more, got {count}; correct --count")
+    if size < 1:
+        raise IdentificationError(f"expected one model or more, got {size}; correct --size")
     data, system = posterior.reduced(lib)
     try:
         density = _density(lib, posterior, data)
@@ -106,7 +102,7 @@ def draw_models(
             "the posterior is narrower than rounding, so that no model can be drawn from it; "
             "identify a log with the noise of a measurement"
         ) from None
-    z, acceptance, kept = _chains(density, count, rng)
+    z, acceptance, kept = _chains(density, size, rng)
     pi, factors = _with_error(density, density.pi(z), posterior.pi_root[:, lib.pi0.size :], rng)
     # φ | π is normal around what the result states at its π, moved by the same nuisance torque.
     mean = saved.phi.ravel() + (pi - posterior.pi) @ posterior.usual(system.slope).T
@@ -114,11 +110,11 @@ def draw_models(
         moved = posterior.usual(posterior.phi_nuisance)
         mean += factors[:, : moved.shape[1]] @ moved.T
     phi = _friction(mean, posterior.usual(posterior.phi_root(system)), saved.friction.columns, rng)
-    effective = count * (1 - kept) / (1 + kept)
+    effective = size * (1 - kept) / (1 + kept)
     thickened = (
         density.prior.thinnest() / entropic.prior_of(lib, floor=entropic.AS_STATED).thinnest()
     )
-    phi = phi.reshape(count, *saved.phi.shape)
+    phi = phi.reshape(size, *saved.phi.shape)
     return Draws(pi, phi, density.mode, acceptance, thickened, effective)
 
 

@@ -236,16 +236,12 @@ FORMAT = 1
 
 
 def write_comparison(
-    comparison: Comparison,
-    folder: Path,
-    command: str,
-    options: Mapping[str, Any],
-    notes: tuple[str, ...] = (),
+    done: Comparison, folder: Path, command: str, options: Mapping[str, Any], notes: tuple[str, ...]
 ) -> dict[str, Any]:
     """Write compare.json and compare.md."""
-    assembly, truth = comparison.assembly, comparison.truth
+    assembly, truth = done.assembly, done.truth
     lib = assembly.problem.lib
-    advice = advise(comparison.rows, len(lib.base_columns))
+    advice = advise(done.rows, len(lib.base_columns))
     parts = {name: _extent(assembly.recordings(name)) for name in PARTS}
     train, shown = assembly.parts[0], assembly.shown
     names = (lib.joint_names, file_units(lib.manifest)) if shown is None else shown.rows
@@ -265,9 +261,9 @@ def write_comparison(
         },
         "friction": assembly.friction.facts(),
         "weights": assembly.problem.weights.tolist(),
-        "before_percent": comparison.before,
-        "convex_optimum": plain(comparison.optimum),
-        "rows": [row_facts(row) for row in comparison.rows],
+        "before_percent": done.before,
+        "convex_optimum": plain(done.optimum),
+        "rows": [row_facts(row) for row in done.rows],
         "advice": {"take": advice.take, "sentences": list(advice.sentences)},
         "notes": [*notes, *(one_run if assembly.one_run else ())],
         "provenance": {

@@ -48,7 +48,7 @@ def identify_free_base(
 
     Offsets of contact sensors are those of one log each, all other coefficients are common.
     """
-    data = prepared_walk(logs, lib, settings, trim_s)
+    data = prepared_walk(logs, lib, settings, trim_s, True)
     settings = data.settings
     trained = final = _fitted(data, data.parts[0])
     said = list[str]()
@@ -155,7 +155,7 @@ def assembly_of_walks(
     logs: Sequence[FreeBaseRecording], lib: Library, settings: Settings
 ) -> tuple[Assembly, list[str]]:
     """The problem of walks that some methods share; sentences on what was chosen."""
-    data = prepared_walk(logs, lib, settings, is_joined=False)
+    data = prepared_walk(logs, lib, settings, 0.0, False)
     motions = [data.motion.rows(part) for part in data.parts]
     rows = [data.rows_of(motion) for motion in motions]
     problem, _ = _problem(data, rows[0], motions[0].seconds, rows[1], are_few=False)

@@ -109,16 +109,12 @@ def usual_rows(logs: Sequence[FreeBaseRecording]) -> str:
 
 
 def prepared_walk(
-    logs: Sequence[FreeBaseRecording],
-    lib: Library,
-    settings: Settings,
-    trim_s: float = 0.0,
-    is_joined: bool = True,
+    logs: Sequence[FreeBaseRecording], lib: Library, settings: Settings, trim_s: float, joins: bool
 ) -> PreparedWalk:
     """Motion of logs that agree with the robot; joined, the validation part trains."""
     settings, method = settings_of_walks(logs, lib, settings)
     split, is_commanded = settings.split or Split(), logs[0].is_commanded
-    shares = split.joined()[1:] if is_joined else split.validation
+    shares = split.joined()[1:] if joins else split.validation
     rows = settings.rows or usual_rows(logs)
     cutoff_hz, drives, notes = cutoff_of(settings.cutoff), None, list[str]()
     if is_commanded:

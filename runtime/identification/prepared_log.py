@@ -11,15 +11,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from runtime.errors import IdentificationError
+from runtime.estimators.choice import regressor_choice as choices
 from runtime.estimators.choice.default_friction import USABLE, choose_default_friction
 from runtime.estimators.choice.friction_choice import FRICTION_MODELS, choose_friction
-from runtime.estimators.choice.regressor_choice import (
-    Differentiation,
-    choose_cutoff,
-    choose_regressor,
-    differentiation_of,
-    noisy_accelerations,
-)
 from runtime.estimators.methods import require_method
 from runtime.identification.current_gains import with_current_gains
 from runtime.identification.long_logs import head_of
@@ -106,7 +100,7 @@ def prepared_log(
     if is_read:
         progress.step("checking the accelerations")
         seen, chooses = before_test(recording, settings.split), settings.regressor == AUTO
-        prepared, sentences = choose_regressor(seen, lib, prepared, chooses, quality)
+        prepared, sentences = choices.choose_regressor(seen, lib, prepared, chooses, quality)
         notes = (*notes, *sentences)
     if streamed is not None:
         streamed = replace(streamed, gains=recording.gains)  # those of the first rows
@@ -149,7 +143,7 @@ def _in_order(
 
 def chosen_filter(
     recording: Recording, lib: Library, settings: Settings, terms: Friction | None, shown: Progress
-) -> tuple[Preparation | None, tuple[str, ...], Differentiation | None]:
+) -> tuple[Preparation | None, tuple[str, ...], choices.Differentiation | None]:
     """The preparation with its cut-off, a sentence where that was chosen, and its quality if known.
 
     It is chosen where it is asked for, and where nothing states a filter and differentiation fails.
@@ -158,7 +152,7 @@ def chosen_filter(
     stated = settings.cutoff, settings.rate, settings.regressor
     if recording.preparation.filter == "none" and all(each is None for each in stated):
         seen = before_test(recording, settings.split)
-        quality = differentiation_of(seen, lib, recording.preparation)
+        quality = choices.differentiation_of(seen, lib, recording.preparation)
     is_noisy = quality is not None and quality.is_noisy
     cutoff = _ANY_HZ if is_free else cutoff_of(settings.cutoff)
     regressor = None if settings.regressor == AUTO else settings.regressor
@@ -170,7 +164,7 @@ def chosen_filter(
     known = without_torque_columns(terms) if terms is not None and is_named else None
     wanted = prepared if is_free else preparation_of(recording, _ANY_HZ, None)
     try:
-        choice = choose_cutoff(recording, lib, wanted, settings.split, known)
+        choice = choices.choose_cutoff(recording, lib, wanted, settings.split, known)
     except IdentificationError:  # too few rows or too slow: choose_regressor states the noise
         if is_free:
             raise
@@ -191,14 +185,14 @@ def filter_for_accelerations(
     """
     stated = Settings(cutoff=cutoff, rate=rate)
     prepared, notes, _ = chosen_filter(recording, lib, stated, None, SILENT)
-    quality = differentiation_of(recording, lib, prepared) if prepared and notes else None
+    quality = choices.differentiation_of(recording, lib, prepared) if prepared and notes else None
     if prepared is not None and quality is not None:
         if not quality.is_noisy:
             return prepared, notes
         lower = float(f"{0.95 * quality.harmless_hz:.2g}")  # at the bound itself rounding decides
         notes = (f"{notes[0]}; lowered to {lower:g} Hz, since at it {quality.noise_in(lib)}",)
         prepared = replace(prepared, cutoff_hz=lower, trim_s=1.0 / lower)
-    return prepared, (*notes, *noisy_accelerations(recording, lib, prepared))
+    return prepared, (*notes, *choices.noisy_accelerations(recording, lib, prepared))
 
 
 def usable_columns(methods: Sequence[str]) -> tuple[str, ...]:

@@ -16,12 +16,7 @@ from runtime.errors import IdentificationError, SimulationError
 from runtime.excitation import Trajectory
 from runtime.excitation.motion.trajectory import sample_times
 from runtime.library import Array, Library
-from runtime.library.compiled_programs import (
-    NOT_POSITIVE,
-    ClosedLoopController,
-    ClosedLoopPlant,
-    CompiledClosedLoop,
-)
+from runtime.library import compiled_programs as programs
 from runtime.recording import Friction, Recording
 from runtime.recording.friction.model import columns as friction_columns
 from runtime.recording.friction.model import torque as friction_torque
@@ -130,7 +125,7 @@ def follow(
     period = 1.0 / rate_hz
     steps = int(np.ceil(period / LONGEST_SUBSTEP * (1 - 1e-9)))
     parts = _body(lib, plant), _law(lib, plant, controller), reference, period
-    loop = CompiledClosedLoop(lib.binding, *parts, substeps=steps, noise=noise)
+    loop = programs.CompiledClosedLoop(lib.binding, *parts, substeps=steps, noise=noise)
     for chunk in count(1):
         loop.run(_CHUNK)
         if loop.status or chunk * _CHUNK >= len(reference):
@@ -139,7 +134,7 @@ def follow(
             progress(loop.done / len(reference))
     if loop.status:
         why = "the motion diverged"
-        if loop.status == NOT_POSITIVE:
+        if loop.status == programs.NOT_POSITIVE:
             why = "its mass matrix is not positive definite, so no such robot exists"
         raise SimulationError(
             f"the simulated robot stopped after {loop.done * period:.3f} s: {why}; the plant is "
@@ -175,7 +170,7 @@ def _friction(plant: Plant, dq: Array) -> Array:
     return friction_torque(rows, phi)
 
 
-def _body(lib: Library, plant: Plant) -> ClosedLoopPlant:
+def _body(lib: Library, plant: Plant) -> programs.ClosedLoopPlant:
     n = lib.n_joints
     if plant.pi.shape != lib.pi0.shape:
         raise IdentificationError(
@@ -185,13 +180,13 @@ def _body(lib: Library, plant: Plant) -> ClosedLoopPlant:
         raise IdentificationError("the simulated robot's coulomb speed must be above 0 rad/s")
     parts = ("rotor", *names_where(lambda column: column.in_closed_loop))
     values = {name: per_joint(n, getattr(plant, name), name) for name in parts}
-    return ClosedLoopPlant(pi=plant.pi, coulomb_speed=plant.coulomb_speed, **values)
+    return programs.ClosedLoopPlant(pi=plant.pi, coulomb_speed=plant.coulomb_speed, **values)
 
 
-def _law(lib: Library, plant: Plant, controller: Controller) -> ClosedLoopController:
+def _law(lib: Library, plant: Plant, controller: Controller) -> programs.ClosedLoopController:
     n = lib.n_joints
     rotor = plant.rotor if controller.rotor is None else controller.rotor
-    return ClosedLoopController(
+    return programs.ClosedLoopController(
         lib.pi0 if controller.pi is None else controller.pi,
         per_joint(n, rotor, "rotor of the controller"),
         per_joint(n, controller.stiffness, "stiffness"),

@@ -5,15 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from runtime.errors import IdentificationError
+from runtime.excitation.limits import carried_body as carried
 from runtime.excitation.limits import distance_limits
-from runtime.excitation.limits.carried_body import (
-    LABEL,
-    OBSTACLE,
-    BoxClearance,
-    CarriedHeight,
-    capsule_around,
-    with_load,
-)
 from runtime.excitation.limits.dependent_joints import dependent_joints
 from runtime.excitation.limits.nonlinear_limits import Braking, Constraint, Side, TimedConstraint
 from runtime.excitation.limits.safety import Safety
@@ -49,7 +42,7 @@ def _torques(lib: Library, safety: Safety) -> Iterator[TimedConstraint]:
     limits, n = lib.limits(), lib.n_joints
     viscous, coulomb = (_per_joint(lib, name, getattr(safety, name)) for name in _FRICTION)
     coulomb = (1 + safety.friction_band) * coulomb
-    pi, band = with_load(lib.pi0, safety.carried), _band(lib, safety, viscous)
+    pi, band = carried.with_load(lib.pi0, safety.carried), _band(lib, safety, viscous)
     rest = viscous, lib.joint_names, band, known_torque_of(lib)
     if np.isfinite(limits["effort"]).any():
         limit = safety.torque_fraction * limits["effort"] - coulomb
@@ -151,11 +144,13 @@ def _obstacle_distances(lib: Library, safety: Safety) -> tuple[TimedConstraint, 
         raise _no_proxies(lib, "the distance from obstacles")
     body = safety.carried
     if body is not None and body.box is not None:
-        proxies.append(capsule_around(body.box.placed(body.link)))
+        proxies.append(carried.capsule_around(body.box.placed(body.link)))
     margin = TABLE_MARGIN if safety.clearance is None else safety.clearance
     labels = (f"{p.name} and {each.name}" for each in safety.obstacles for p in proxies)
     boxes = tuple(each.placed for each in safety.obstacles)
-    return (BoxClearance(OBSTACLE, tuple(labels), lib, margin, boxes, tuple(proxies)),)
+    return (
+        carried.BoxClearance(carried.OBSTACLE, tuple(labels), lib, margin, boxes, tuple(proxies)),
+    )
 
 
 def _carried_distances(lib: Library, safety: Safety) -> Iterator[TimedConstraint]:
@@ -168,11 +163,11 @@ def _carried_distances(lib: Library, safety: Safety) -> Iterator[TimedConstraint
     if others:
         stated = max((pair.margin for pair in lib.pairs), default=CARRIED_MARGIN)
         margin = stated if safety.clearance is None else safety.clearance
-        labels = tuple(f"{LABEL} and {proxy.name}" for proxy in others)
-        yield BoxClearance("self-collision", labels, lib, margin, (box,), others)
+        labels = tuple(f"{carried.LABEL} and {proxy.name}" for proxy in others)
+        yield carried.BoxClearance("self-collision", labels, lib, margin, (box,), others)
     if safety.table is not None:
         margin = TABLE_MARGIN if safety.clearance is None else safety.clearance
-        yield CarriedHeight(lib, margin, box, safety.table)
+        yield carried.CarriedHeight(lib, margin, box, safety.table)
 
 
 def _margins(lib: Library, clearance: float | None) -> Array:

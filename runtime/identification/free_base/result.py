@@ -9,19 +9,13 @@ from functools import cached_property
 
 import numpy as np
 
+from runtime.estimators import uncertainty as spreads
 from runtime.estimators.classical.pc_ols import BOUNDARY
 from runtime.estimators.convex.entropic_prior import Prior, com_sigma
 from runtime.estimators.friction_bounds import OF
 from runtime.estimators.prior_file import prior_about
 from runtime.estimators.regression.factor import Elimination, Reduced, Statistics, reduce
 from runtime.estimators.regression.samples import NORMAL_95, residuals
-from runtime.estimators.uncertainty import (
-    IDENTIFIED,
-    PRIOR_DOMINATED,
-    LogInformation,
-    Spread,
-    laplace,
-)
 from runtime.identification import result_record as schema
 from runtime.identification.free_base import rows as equations
 from runtime.identification.free_base.drives import rms
@@ -59,13 +53,13 @@ class Evidence:
         """Entropic prior of the bodies."""
         return prior_about(self.lib, self.lib.pi0, self.centre)
 
-    def after(self, times: float = 1.0) -> tuple[Statistics, Reduced, Elimination, Spread]:
+    def after(self, times: float = 1.0) -> tuple[Statistics, Reduced, Elimination, spreads.Spread]:
         """Least squares, without φ, and spread of π after `times` the time of the same motion."""
         data = self.statistics.repeated(times)
         if self.known is not None:
             data = data.merged(self.known)
         reduced, eliminated = reduce(data, self.lib.n_rows)
-        spread = laplace(
+        spread = spreads.laplace(
             *(self.lib, data, reduced, self.level, self.pi, self.prior, self.kappa),
             times * self.slopes,
             is_most_probable=self.is_most_probable,
@@ -73,7 +67,7 @@ class Evidence:
         return data, reduced, eliminated, spread
 
     @cached_property
-    def now(self) -> tuple[Statistics, Reduced, Elimination, Spread]:
+    def now(self) -> tuple[Statistics, Reduced, Elimination, spreads.Spread]:
         """The same of these rows."""
         return self.after()
 
@@ -81,7 +75,7 @@ class Evidence:
     def posterior(self) -> SavedPosterior:
         """Posterior of π, and of φ of sensors, drives and delay."""
         statistics, _, _, spread = self.now
-        known = LogInformation(statistics, self.level, self.kappa, self.prior.centre)
+        known = spreads.LogInformation(statistics, self.level, self.kappa, self.prior.centre)
         root, moved = spread.root, spread.phi_nuisance
         return SavedPosterior(known, self.pi, root, 0, moved, joints=self.lib.n_joints)
 
@@ -165,9 +159,9 @@ def uncertainty_of(evidence: Evidence) -> schema.UncertaintyPart:
     """Posterior of π."""
     lib, pi, root = evidence.lib, evidence.pi, evidence.posterior.pi_root
     sigma, share = np.linalg.norm(root, axis=1), evidence.now[3].by_kappa.share
-    verdicts = [IDENTIFIED if s < DETERMINED else PRIOR_DOMINATED for s in share]
+    verdicts = [spreads.IDENTIFIED if s < DETERMINED else spreads.PRIOR_DOMINATED for s in share]
     masses = zip(lib.link_names, verdicts[::N_PARAMETERS], strict=True)
-    prior = [name for name, verdict in masses if verdict == PRIOR_DOMINATED]
+    prior = [name for name, verdict in masses if verdict == spreads.PRIOR_DOMINATED]
     return schema.UncertaintyPart.with_gaps(
         advice=f"the log hardly determines the mass of {', '.join(prior)}: measure the wrenches of "
         "its contacts, or record a motion that moves it"

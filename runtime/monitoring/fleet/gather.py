@@ -25,13 +25,7 @@ from runtime.common.threads import cores
 from runtime.errors import IdentificationError
 from runtime.estimators.contradictions import LEAST_DENSITY
 from runtime.estimators.regression.factor import reduce
-from runtime.identification.statistics_file import (
-    FILE,
-    MARK,
-    UnitStatistics,
-    read_statistics,
-    require_robot,
-)
+from runtime.identification import statistics_file as statistics
 from runtime.library import Array, Library, load
 from runtime.parallel import on_cluster
 from runtime.recording.formats.npz import arrays_of, open_npz, record_from_arrays, refusing
@@ -55,7 +49,7 @@ class Unit:
     columns: tuple[str, ...] = ()  # names of the k friction columns that belong to the whole log
 
 
-def unit_of(known: UnitStatistics, lib: Library, name: str) -> Unit:
+def unit_of(known: statistics.UnitStatistics, lib: Library, name: str) -> Unit:
     """Eliminate friction from the statistics of one unit."""
     base = lib.base_matrix
     over_beta = replace(known.statistics, base_matrix=np.eye(len(base)))
@@ -187,7 +181,8 @@ def _computed(
 def _units(lib: Library, task: tuple[int, Piece]) -> tuple[int, list[Unit]]:
     k, piece = task
     return k, [
-        unit_of(require_robot(read_statistics(path), lib, path), lib, name) for path, name in piece
+        unit_of(statistics.require_robot(statistics.read_statistics(path), lib, path), lib, name)
+        for path, name in piece
     ]
 
 
@@ -196,12 +191,12 @@ def _is_statistics(path: Path) -> bool:
     if path.name.startswith(".") or path.is_dir():
         return False
     if not path.is_file():  # opening a pipe would wait for its other end
-        return path.name == FILE
+        return path.name == statistics.FILE
     try:
         with zipfile.ZipFile(path) as archive:
-            return f"{MARK}.npy" in archive.namelist()
+            return f"{statistics.MARK}.npy" in archive.namelist()
     except (OSError, zipfile.BadZipFile, ValueError, NotImplementedError):
-        return path.name == FILE
+        return path.name == statistics.FILE
 
 
 def _place(parts: Path, lib: Library, piece: Piece) -> Path:

@@ -236,8 +236,7 @@ def _rows(
     to_channels, names = channels_of(recording, lib)
     base = np.einsum("mj,ijk->imk", to_channels, samples.base_rows(lib))
     friction = np.einsum("mj,ijk->imk", to_channels, samples.friction_rows())
-    current = samples.tau @ to_channels.T
-    speed = samples.dq @ np.linalg.inv(to_channels)
+    current, speed = samples.tau @ to_channels.T, samples.dq @ np.linalg.inv(to_channels)
     sign = np.where(np.sum(speed * current, axis=0) < 0, -1.0, 1.0)
     bases = [orthonormal(friction[:, j], APART) for j in range(lib.n_joints)]
     for j, q in enumerate(bases):

@@ -86,13 +86,11 @@ def identify_friction(
 def _fitted(problem: Problem, saved: SavedResult) -> tuple[Fit, Array]:
     """Friction of some rows with the noise of its own residuals, and σ of its coefficients."""
     lib, rows, shape = problem.lib, problem.train, saved.phi.shape
-    sizes = rows.column_sizes()
-    rms = np.sqrt(np.mean(np.square(rows.tau), axis=0))
+    sizes, rms = rows.column_sizes(), np.sqrt(np.mean(np.square(rows.tau), axis=0))
     least = np.divide(LEAST_SHARE * rms[:, None], sizes, out=np.zeros(shape), where=sizes > 0)
     # A column without values, as of a joint at rest, keeps its coefficient by its bounds.
     change = np.where(sizes > 0, np.maximum(np.abs(saved.phi), least) + TINY, np.inf)
-    prior = FrictionPrior(saved.phi, change)
-    bounds = bounds_of(problem, is_passive=True)
+    prior, bounds = FrictionPrior(saved.phi, change), bounds_of(problem, is_passive=True)
     unused = (sizes == 0).ravel()
     bounds = Bounds(
         np.where(unused, saved.phi.ravel(), bounds.lower),
@@ -106,8 +104,7 @@ def _fitted(problem: Problem, saved: SavedResult) -> tuple[Fit, Array]:
     for _ in range(PASSES):
         rest = residuals(lib, rows, saved.pi, phi)
         noise = np.maximum(np.sqrt(np.mean(np.square(rest), axis=0)), QUIET * rms + TINY)
-        weights = 1.0 / noise**2
-        scaled = rows.friction_rows()[:ROWS] / noise[:, None]
+        weights, scaled = 1.0 / noise**2, rows.friction_rows()[:ROWS] / noise[:, None]
         density = coloured_noise_of_rows(scaled, rest[:ROWS] / noise).density
         data = problem.statistics(weights)
         whole = data.merged(prior.statistics(data, max(density, np.finfo(float).tiny)))

@@ -287,8 +287,7 @@ def parts_of_log(
                 "duration; use another --split"
             )
         short = for_part(preparation, (share[1] - share[0]) * duration)
-        span = span_of_part((start, end), share, short)
-        guarded = short.trim_s is None
+        span, guarded = span_of_part((start, end), share, short), short.trim_s is None
         kept = (
             span[0] if guarded and share[0] > 0.0 else -np.inf,
             span[1] if guarded and share[1] < 1.0 else np.inf,

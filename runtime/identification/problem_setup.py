@@ -101,8 +101,7 @@ def assemble(
     preparation = chosen.preparation
     recording, chosen = in_torque(recording, lib, chosen)
     terms = geared(fit_settings.terms_of(recording, chosen), recording, lib)
-    usual = preparation or recording.preparation
-    is_cut = chosen.test is None
+    usual, is_cut = preparation or recording.preparation, chosen.test is None
     is_joined = is_joined and chosen.validation is None
 
     def prepared(part: Recording, steps: Preparation | None) -> Recording:

@@ -93,8 +93,7 @@ def solve(triangle: Array, n_samples: int, n_runs: int) -> GainSolution:
     rows = triangle[:, n_runs:, n_runs:]
     n, p = len(rows), rows.shape[2] - 2
     has = rows[:, :, :-2].any(axis=1)
-    alone = has.sum(axis=0) == 1
-    freedom = max(n_samples - n_runs - (p + n) / n, 1.0)
+    alone, freedom = has.sum(axis=0) == 1, max(n_samples - n_runs - (p + n) / n, 1.0)
     floor = (_PERFECT * np.linalg.norm(rows[:, :, -1])) ** 2 + np.finfo(float).tiny
 
     def power(x: Array) -> Array:

@@ -56,6 +56,7 @@ from runtime.recording.streamed import StreamedRecording
 PASSES = 30
 CLOSE = 1e-5  # change of g at which the passes end, far below what a log determines
 LEAST = 0.05  # smallest 1 + g by which h is divided
+FitBy = Callable[[Problem], Fit]
 
 
 def is_torque(names: Iterable[str]) -> Mask:
@@ -69,7 +70,7 @@ def without_torque_columns(terms: Friction) -> Friction:
     return replace(terms, columns=kept)
 
 
-def with_modelled_torque(assembly: Assembly, fit: Callable[[Problem], Fit]) -> Assembly:
+def with_modelled_torque(assembly: Assembly, fit: FitBy) -> Assembly:
     """The assembly with −h of its own fit in the columns of the torque; unchanged without such."""
     problem, names = assembly.problem, assembly.problem.friction_names
     flags = is_torque(names)
@@ -119,7 +120,6 @@ def _replaced(
     return replace(assembly, problem=problem, parts=(train, validation, test))
 
 
-FitBy = Callable[[Problem], Fit]
 FittedSource = Recording | StreamedRecording | Sequence[NamedLog]
 
 
@@ -163,7 +163,7 @@ def identify_recording(
 def identify_assembled(
     assembly: Assembly,
     settings: Settings | str | None = None,
-    fit_of: Callable[[Problem], Fit] | None = None,
+    fit_of: FitBy | None = None,
     **keywords: Any,
 ) -> Identification:
     """Identify from a problem that is assembled already, by a method or by another fit."""

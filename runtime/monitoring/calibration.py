@@ -89,8 +89,7 @@ def peaks_of(s: Array, rate_hz: float) -> Array:
     s = np.nan_to_num(s, nan=0.0)
     pause = max(round(PAUSE_S * rate_hz), 1)
     inner = (s[1:-1] >= s[:-2]) & (s[1:-1] > s[2:]) & (s[1:-1] > max(np.quantile(s, HIGH), 0.0))
-    places = np.flatnonzero(inner) + 1
-    is_free = np.ones(len(s), dtype=bool)
+    places, is_free = np.flatnonzero(inner) + 1, np.ones(len(s), dtype=bool)
     peaks: list[tuple[float, float]] = []
     for k in places[np.argsort(-s[places])]:
         if not is_free[k]:
@@ -324,6 +323,5 @@ class FreeMotion:
 def verified(lib: Library, detector: Detector, recording: Recording) -> FreeMotion:
     """Number of alarms in a log of free motion, against the stated rate."""
     seen = observe(lib, detector, recording)
-    expected = detector.rate.per_second * seen.seconds
-    alarms = len(seen.contacts)
+    expected, alarms = detector.rate.per_second * seen.seconds, len(seen.contacts)
     return FreeMotion(alarms, expected, float(pdtrc(alarms - 1, expected)) if alarms else 1.0)

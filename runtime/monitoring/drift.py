@@ -220,8 +220,7 @@ def baseline_of(
     torques = [test_rows[1].tau] if test_rows else []
     torques += [samples_of(_thinned(each), lib).tau for each in references]
     tau = np.concatenate(torques) if torques else sigma[None]
-    over = np.sqrt(weights_from(sigma, tau))
-    changes = scores.changes_of(lib, model, tau)
+    over, changes = np.sqrt(weights_from(sigma, tau)), scores.changes_of(lib, model, tau)
     held_out = []
     if test_rows:
         rows = scores.changed_rows(lib, model, saved.pi, *test_rows, over, changes.ranges)
@@ -374,8 +373,7 @@ def _tested(
     """
     axes, root, rest = _determined(columns @ hypothesis.moved)
     along, k = axes.T @ y, axes.shape[1]
-    chi2 = float(along @ along)
-    size = float(hypothesis.size @ root @ along)
+    chi2, size = float(along @ along), float(hypothesis.size @ root @ along)
     # A direction that is left out may have its plausible size.
     left = float(np.linalg.norm(hypothesis.size @ rest))
     sigma = float(np.hypot(np.linalg.norm(hypothesis.size @ root), left))

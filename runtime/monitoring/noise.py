@@ -136,10 +136,7 @@ def read_test_rows(result: Path, model: MonitoredModel) -> tuple[Array, Samples]
 
 
 def near(t: Array, event: Mask, before_s: float, after_s: float) -> Mask:
-    """Instants around those of an event.
-
-    t (N,) [s], event (N, n) → (N, n).
-    """
+    """Instants around those of an event: t (N,) [s], event (N, n) → (N, n)."""
     sums = np.vstack([np.zeros((1, event.shape[1]), int), np.cumsum(event, axis=0)])
     first = np.searchsorted(t, t - after_s - 1e-9)
     last = np.searchsorted(t, t + before_s + 1e-9, side="right")
@@ -149,10 +146,7 @@ def near(t: Array, event: Mask, before_s: float, after_s: float) -> Mask:
 def noise_of_observer(
     settings: ObserverSettings, held_out: HeldOutResidual, t: Array, r: Array
 ) -> ObserverNoise:
-    """Noise of r in free motion.
-
-    t (N,) [s], r (N, n) [N·m, N].
-    """
+    """Noise of r (N, n) [N·m, N] in free motion, t (N,) [s]."""
     limit = min(0.4 * settings.rate_hz, held_out.limit_hz)
     slow, cosine, largest, slow_blocks = _slow(settings, held_out, limit)
     fast, step, fast_blocks = _fast(settings.rate_hz, t, r, limit)
@@ -269,10 +263,7 @@ def alarm_rate(text: str) -> AlarmRate:
 
 
 def crossing_rate(z: Array, correlation: Array, rate_hz: float) -> Array:
-    """Rate of upward crossings of z σ by a Gaussian sequence.
-
-    z (m,), correlation (m,) → (m,) [1/s].
-    """
+    """Rate of upward crossings of z σ by a Gaussian sequence: z, correlation (m,) → (m,) [1/s]."""
     rest = np.sqrt(np.maximum(1 - correlation**2, 1e-12))
     # Most of the integral lies within some of these widths below the level.
     width = np.minimum(8.0 * rest / np.maximum(1 + correlation, 1e-3) + 8.0 * rest, 40.0)
@@ -283,10 +274,7 @@ def crossing_rate(z: Array, correlation: Array, rate_hz: float) -> Array:
 
 
 def levels(rate: float, correlation: Array, rate_hz: float) -> Array:
-    """Levels z at which all joints together cross ±z σ at a stated rate.
-
-    correlation (n,) → (n,).
-    """
+    """Levels z (n,) at which all joints, of correlation (n,), together cross ±z σ at a rate."""
     each = rate / (2 * len(correlation))
     low, high = np.zeros(len(correlation)), np.full(len(correlation), 30.0)
     for _ in range(40):

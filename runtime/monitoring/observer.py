@@ -211,8 +211,7 @@ class Observer:
 def _delayed(queue: deque[Array], late: float) -> Array:
     """Entry `late` steps before the last one, linear between entries."""
     whole = int(late)
-    share = late - whole
-    newer = queue[-1 - whole]
+    share, newer = late - whole, queue[-1 - whole]
     return newer if share == 0.0 else (1 - share) * newer + share * queue[-2 - whole]
 
 
@@ -296,10 +295,7 @@ class Wrench:
 
 
 def wrench_at(lib: Library, q: Array, external: Array, name: str) -> Wrench:
-    """Contact wrench at a link by least squares.
-
-    q (n,) [rad, m], external (n,) [N·m, N].
-    """
+    """Contact wrench at a link by least squares: q (n,) [rad, m], external (n,) [N·m, N]."""
     if name not in lib.link_names:
         raise IdentificationError(
             f"expected a moving link of '{lib.name}' ({', '.join(lib.link_names)}), got '{name}'; "

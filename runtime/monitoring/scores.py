@@ -191,8 +191,7 @@ def changed_rows(
     pi (10 n,), t (N,) [s], over (n,) 1/σ [1/(N·m)], ranges (n,) [N·m, N].
     """
     count, n = samples.tau.shape
-    base = samples.base_rows(lib)
-    tau = torque_of(lib, samples, pi, model.phi)
+    base, tau = samples.base_rows(lib), torque_of(lib, samples, pi, model.phi)
     named = named_columns(t, tau, [samples.friction(phi) for phi in changing_friction(model)])
     columns = np.concatenate([named, base], axis=2) * over[:, None]
     known = np.concatenate([base, samples.friction_rows()], axis=2) * over[:, None]

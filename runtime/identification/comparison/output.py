@@ -290,10 +290,9 @@ def _extent(pieces: Iterable[Recording]) -> tuple[int, float, float]:
 LEGEND = (
     "train and error: torque error on the training and the test part, all joints; worst RMS: "
     "number and RMS error of the worst joint, N·m or N; base: error of the base parameters where "
-    "the true ones are known; "
-    "λ_min/tr: smallest relative eigenvalue, below 0 is not consistent; gap: (L − L*)/L* in the "
-    "weighted training loss that all rows share, L* the optimum over all consistent models "
-    "without nets"
+    "the true ones are known; λ_min/tr: smallest relative eigenvalue, below 0 is not consistent; "
+    "gap: (L − L*)/L* in the weighted training loss that all rows share, L* the optimum over all "
+    "consistent models without nets"
 )
 
 

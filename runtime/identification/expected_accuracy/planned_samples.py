@@ -140,8 +140,7 @@ def repetition(q: Array, rest: Array) -> float:
     """
     spans = np.ptp(q, axis=0)
     moving = spans > STILL
-    way = np.abs(q - q[::-1])[:, moving] / spans[moving]
-    energy = float(np.sum(rest**2))
+    way, energy = np.abs(q - q[::-1])[:, moving] / spans[moving], float(np.sum(rest**2))
     if not moving.any() or way.max() > MIRRORED or energy == 0.0:
         return 0.0
     return max(0.0, float(np.sum(rest * rest[::-1])) / energy)

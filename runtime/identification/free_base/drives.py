@@ -198,8 +198,7 @@ def drives_of(
                         "those that the drives apply to the joints; change their sign"
                     )
         rows = equations.rows_of(lib, few, choice, drives)
-        samples = rows.samples
-        names = drives.names(lib.joint_names)
+        samples, names = rows.samples, drives.names(lib.joint_names)
         unit = NoiseFloor(np.ones(samples.equations), 1.0)
         fit = fit_by(problem_of(lib, samples, samples, names, unit, None), "map", None, prior)
         error, used = residuals(lib, samples, fit.pi, fit.phi), equations.CHOSEN[choice]

@@ -287,8 +287,7 @@ def contact_jacobian(lib: Library, motion: FreeBaseMotion) -> Array:
     parts = []
     poses = contact_poses(lib, motion.q, contacts)
     for link, position, pose in zip(contacts.links, contacts.position, poses, strict=True):
-        j = np.array(lib.frame_jacobian(motion.q, link))
-        turn = pose[:, :3, :3]
+        j, turn = np.array(lib.frame_jacobian(motion.q, link)), pose[:, :3, :3]
         lever = turn @ position
         j[:, :3] += np.cross(j[:, 3:], lever[:, :, None], axisa=1, axisb=1, axisc=1)
         if contacts.axes == "link":

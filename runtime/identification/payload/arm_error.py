@@ -112,8 +112,7 @@ def read_arm_model(path: Path, lib: Library) -> ArmModel:
 
 def _root(posterior: posterior_file.SavedPosterior, lib: Library, phi: Array) -> Array:
     """Root of the covariance of [β; φ] on another day, (n_b + n k, m)."""
-    root = posterior.of_readings().root(lib)
-    day = np.diag(DAY * phi.ravel())
+    root, day = posterior.of_readings().root(lib), np.diag(DAY * phi.ravel())
     return np.hstack([root, np.vstack([np.zeros((len(root) - len(day), len(day))), day])])
 
 

@@ -149,8 +149,7 @@ def mount_of(lib: Library, link: str | None = None) -> Mount:
             f"'{lib.name}' has no moving link '{carrier}'; choose one of "
             f"{', '.join(lib.link_names)}, or the tip {tip}"
         )
-    index = lib.link_names.index(carrier)
-    on_tip = carrier == facts.link
+    index, on_tip = lib.link_names.index(carrier), carrier == facts.link
     rotation = np.array(facts.rotation) if on_tip else np.eye(3)
     translation = np.array(facts.translation) if on_tip else np.zeros(3)
     pose, bodies = np.eye(4), bodies_of(lib)

@@ -56,10 +56,8 @@ def unit_of(known: statistics.UnitStatistics, lib: Library, name: str) -> Unit:
     data, elimination = reduce(over_beta, lib.n_joints)
     level = max(known.density, LEAST_DENSITY)
     # Rows of A over β alone, n_b of them: the triangle of [A b].
-    rows = np.column_stack([data.factor, data.target]) / np.sqrt(level)
-    count = len(base)
-    triangle = np.zeros((count, count + 1))
-    upper = np.linalg.qr(rows, mode="r")[:count]
+    rows, count = np.column_stack([data.factor, data.target]) / np.sqrt(level), len(base)
+    triangle, upper = np.zeros((count, count + 1)), np.linalg.qr(rows, mode="r")[:count]
     triangle[: len(upper)] = upper
     n, columns = lib.n_joints, known.shared
     # f, G and v of φ = f − G β, in the order of φ.

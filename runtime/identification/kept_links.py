@@ -91,11 +91,8 @@ def _fitted(problem: Problem, saved: SavedResult) -> tuple[Fit, Array]:
     # A column without values, as of a joint at rest, keeps its coefficient by its bounds.
     change = np.where(sizes > 0, np.maximum(np.abs(saved.phi), least) + TINY, np.inf)
     prior, bounds = FrictionPrior(saved.phi, change), bounds_of(problem, is_passive=True)
-    unused = (sizes == 0).ravel()
-    bounds = Bounds(
-        np.where(unused, saved.phi.ravel(), bounds.lower),
-        np.where(unused, saved.phi.ravel(), bounds.upper),
-    )
+    unused, kept = (sizes == 0).ravel(), saved.phi.ravel()
+    bounds = Bounds(*(np.where(unused, kept, end) for end in (bounds.lower, bounds.upper)))
     phi, beta = saved.phi, lib.base_matrix @ saved.pi
 
     def solved(part: Statistics) -> tuple[Array, Array, None]:

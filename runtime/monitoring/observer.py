@@ -219,11 +219,8 @@ def windows(
     lib: Library, model: MonitoredModel, settings: ObserverSettings, log: Recording
 ) -> Iterator[tuple[slice, JointMotion, Array]]:
     """Rows of every segment that end a window, and means over it of the motion and of τ."""
-    steps, whole, tau = (
-        settings.steps,
-        motion_of(log, model.terms.columns, lib),
-        log.required("tau"),
-    )
+    steps, tau = settings.steps, log.required("tau")
+    whole = motion_of(log, model.terms.columns, lib)
     for part in segments(log.t):
         if part.stop - part.start <= steps + 1:
             continue

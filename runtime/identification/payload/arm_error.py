@@ -54,14 +54,11 @@ from runtime.recording.settings import COULOMB_SPEED
 
 LEAST_TRAVEL = 0.02  # smallest travel that the distance is related to, rad or m
 GROUPS = 5  # K, groups of rows per joint
-
 FEW = 2.7764451051977934 / NORMAL_95  # t of K groups, which know their variance badly
-
 SIGNIFICANT = 12.0
 """Variance by groups over that of the noise from which it is said. Of 7 joints and 10 entries the
 largest ratio in 24 runs of an FR3 with white and coloured noise is 10.6: the groups are few, and
 those at the ends of a range weigh most."""
-
 COUNTED = 6.0
 """The same of the mass from which intervals contain it. In 200 runs of an FR3 with white noise and
 noise below 10, 3, 1 and 0.3 Hz it is exceeded in 5; a load of 105 g on a PSM has 7.5 to 19 at 1 to

@@ -93,8 +93,8 @@ def agreement_of(
         before, after, alone = (predicted(each, k) for each in (None, rest, singles[k]))
         shifted = after - np.mean(after - tau, axis=0)  # its offset is its mean residual
         errors = [torque_error(tau, each) for each in (before, after, shifted, alone)]
-        urdf, others, offset, own = (each.overall for each in errors)
-        return LeftOutPart(names[k], urdf, others, offset, own, plain(errors[1].rms))
+        urdf, others, offset, single = (each.overall for each in errors)
+        return LeftOutPart(names[k], urdf, others, offset, single, plain(errors[1].rms))
 
     estimates = [about(single) for single in singles]
     masses = np.array([mass(links(pi)) for pi, _ in estimates])

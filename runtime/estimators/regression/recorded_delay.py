@@ -344,8 +344,8 @@ class _Fit:
             # Friction that depends on the position is an error alone: it takes up 4 of 30 ms of the
             # Z1's log.
             nuisance = nuisance_of(self.lib, fit, self.lib.pi0, level, with_position=False)
-            whole = nuisance_of(self.lib, fit, self.lib.pi0, level)
-            level += float(np.sum(whole.error[0] ** 2))
+            wider = nuisance_of(self.lib, fit, self.lib.pi0, level)
+            level += float(np.sum(wider.error[0] ** 2))
             rests = rests - (nuisance.mean + nuisance.moved[0] * slope.reshape(shape)) / scale
             variance = np.sum(rests**2, axis=1) / counts
             losses = np.log(np.maximum(variance, solved.least)) @ counts

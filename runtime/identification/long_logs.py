@@ -38,13 +38,13 @@ from runtime.identification.problem_setup import PARTS, Assembly, FitOfAssembly,
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.consistency import check_consistency, require_plausible
-from runtime.recording.formats.tables import Spool
+from runtime.recording.formats.tables import Spool, Tables
 from runtime.recording.friction.coupled_motors import geared
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.parts import for_part, span_of_part, validation_start
 from runtime.recording.recording import ARRAYS
 from runtime.recording.settings import COLUMNS
-from runtime.recording.streamed import StreamedRecording, Tables
+from runtime.recording.streamed import StreamedRecording
 
 BLOCK = 65536  # rows of a block: a minute at 1 kHz, about ten megabytes
 FADING = 30.0  # time constants of the filter in the overlap

@@ -43,12 +43,10 @@ def commanded_torque(
     tau += parts.get("feed_forward", 0.0)
     bound = np.where(limit > 0, limit, np.inf)
     clipped = float(np.mean(np.any(np.abs(tau) > bound, axis=1)))
-    limits = (
-        f"; {significant(100 * clipped)} % of the rows are at the effort limit" if clipped else ""
-    )
-    return gear * np.clip(tau, -bound, bound), (
-        f"Computed τ by the {law}: it is commanded, not measured{limits}."
-    )
+    percent = significant(100 * clipped)
+    limits = f"; {percent} % of the rows are at the effort limit" if clipped else ""
+    torque = gear * np.clip(tau, -bound, bound)
+    return torque, f"Computed τ by the {law}: it is commanded, not measured{limits}."
 
 
 def without_ends(recording: Recording, preparation: Preparation) -> Preparation:

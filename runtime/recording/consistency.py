@@ -136,11 +136,8 @@ def require_plausible(recording: Recording, lib: Library) -> None:
         )
     largest = float(np.abs(recording.tau).max())
     if largest < LEAST_TORQUE:
-        much = (
-            f"at most {largest:.2g} {common_unit(torque_units(lib.manifest))}"
-            if largest
-            else "0 throughout"
-        )
+        unit = common_unit(torque_units(lib.manifest))
+        much = f"at most {largest:.2g} {unit}" if largest else "0 throughout"
         raise IdentificationError(
             f"the torque of the recording '{recording.name}' is {much}; log the measured one"
         )

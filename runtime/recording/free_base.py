@@ -229,8 +229,7 @@ def free_base_of(arrays: dict[str, NDArray], name: str) -> FreeBaseRecording:
         )
     t = file.numbers("t", "N")
     count = len(t)
-    steps = np.diff(t)
-    if count < _FEWEST_ROWS or not (steps > 0).all():
+    if count < _FEWEST_ROWS or not (np.diff(t) > 0).all():
         raise RecordingError(
             f"{name} needs {_FEWEST_ROWS} or more instants t that increase, got {count}; sort the "
             "rows"

@@ -20,7 +20,7 @@ from runtime.library import Array, Integers
 from runtime.recording import log_files
 from runtime.recording.consistency import check_consistency
 from runtime.recording.formats import FORMATS, format_of_folder
-from runtime.recording.formats.tables import LogTable
+from runtime.recording.formats.tables import Tables
 from runtime.recording.log_files import LogFiles, parts_of
 from runtime.recording.recipes.recipe import Recipe, Signal
 from runtime.recording.recipes.recipe_file import bundled_names, load_recipe
@@ -86,7 +86,7 @@ class Raw:
 
     plan: Recipe  # which part of which file is what, in which unit, sign, order and gear
     recipe: Recipe | None  # as chosen, None by the default convention
-    tables: dict[str, LogTable]  # signal ("time", "position", …) → rows, in the files' units
+    tables: Tables  # signal ("time", "position", …) → rows, in the files' units
     kept: Integers  # the rows that are whole in all of them
     dropped: tuple[str, ...]  # sentences about the others
     names: dict[str, tuple[str, ...]]  # texts of our NPZ, or joint names of a bag

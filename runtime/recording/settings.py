@@ -229,12 +229,8 @@ class Split:
         pairs = (self.train, self.validation, self.test)
         if self.is_everything:
             return
-        if (
-            any(len(pair) != 2 or pair[0] >= pair[1] for pair in pairs)
-            or list(edges) != sorted(edges)
-            or edges[0] < 0.0
-            or edges[-1] > 1.0
-        ):
+        empty = any(len(pair) != 2 or pair[0] >= pair[1] for pair in pairs)
+        if empty or list(edges) != sorted(edges) or edges[0] < 0.0 or edges[-1] > 1.0:
             raise RecordingError(
                 "split expects train, validation and test as [from, to] in this order, not empty, "
                 f"not overlapping, within [0, 1], got {[list(pair) for pair in pairs]}; correct it"

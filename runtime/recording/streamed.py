@@ -14,14 +14,13 @@ from runtime.library import Array
 from runtime.recording.current_gains import CurrentGains
 from runtime.recording.formats import format_of_folder, format_of_suffix
 from runtime.recording.formats.log_format import Digests, LogRows
-from runtime.recording.formats.tables import LogTable
+from runtime.recording.formats.tables import LogTable, Tables
 from runtime.recording.log_files import LogFiles, parts_of
 from runtime.recording.reader import GivenRecipe, place_and_recipe, read_recording
 from runtime.recording.recipes.recipe import UNITS, Recipe, Signal, Time
 from runtime.recording.recording import Recording
 from runtime.recording.unit_conversion import converted, scaled
 
-Tables = dict[str, LogTable]  # kind of signal → rows in the units of the file
 LARGE = 200_000_000  # size of a file above which a log is streamed by default [bytes]
 
 
@@ -96,10 +95,8 @@ def is_large(path: str | Path) -> bool:
     """Whether a file or a bag is streamed by default."""
     path = Path(path)
     if path.is_dir():
-        return (
-            format_of_folder(path) is not None
-            and sum(p.stat().st_size for p in path.iterdir()) > LARGE
-        )
+        sizes = (p.stat().st_size for p in path.iterdir())
+        return format_of_folder(path) is not None and sum(sizes) > LARGE
     known = path.is_file() and format_of_suffix(path.name) is not None
     return known and path.stat().st_size > LARGE
 

@@ -12,7 +12,7 @@ from runtime.library import Array, Integers
 from runtime.recording.commanded_torque import commanded_torque, per_joint
 from runtime.recording.consistency import unwrap
 from runtime.recording.current_gains import CurrentGains
-from runtime.recording.formats.tables import MAX_CORRUPT, LogTable
+from runtime.recording.formats.tables import MAX_CORRUPT, Tables
 from runtime.recording.recipes.recipe import EXTRA_UNITS, UNITS, Recipe, Signal, Time
 from runtime.recording.recording import Recording
 
@@ -25,7 +25,7 @@ INSTANT = 1e-7  # rounding of instants [s], those of 1970 included
 
 def converted(
     plan: Recipe,
-    raw: dict[str, LogTable],
+    raw: Tables,
     first_row: int = 0,
     origin: float | None = None,
     history: tuple[str, ...] = (),
@@ -66,7 +66,7 @@ def converted(
     return Recording(t, **signals, **facts, history=said)
 
 
-def usable_rows(raw: dict[str, LogTable]) -> tuple[Integers, list[str]]:
+def usable_rows(raw: Tables) -> tuple[Integers, list[str]]:
     """Rows that are whole in every table, and sentences about the others."""
     counts = {kind: len(table.values) for kind, table in raw.items()}
     most, rows = max(counts.values()), min(counts.values())
@@ -110,11 +110,7 @@ def _kept(values: Array, keep: Integers) -> Array:
 
 
 def _time(
-    plan: Time | None,
-    raw: dict[str, LogTable],
-    keep: Integers,
-    first_row: int,
-    origin: float | None,
+    plan: Time | None, raw: Tables, keep: Integers, first_row: int, origin: float | None
 ) -> tuple[Array, list[str]]:
     """Seconds of the usable rows; a constant rate counts the dropped rows too."""
     if plan is None or plan.rate_hz is not None:
@@ -150,9 +146,8 @@ def _joint_side(kind: str, signal: Signal, raw: Array, plan: Recipe) -> tuple[Ar
     x = raw if as_is else raw[:, order] * factor
     notes = []
     if kind == "position":
-        angular = np.array(
-            [each in {"rad", "deg"} for each in units] * (n if len(units) == 1 else 1)
-        )
+        kinds = [each in {"rad", "deg"} for each in units] * (n if len(units) == 1 else 1)
+        angular = np.array(kinds)
         unwrapped, jumps = unwrap(x)
         x = unwrapped if angular.all() else np.where(angular, unwrapped, x)
         joints = ", ".join(str(j + 1) for j in np.flatnonzero(jumps * angular))
@@ -203,8 +198,7 @@ def _without_repeats(t: Array, signals: dict[str, Any]) -> tuple[Array, dict[str
     if not same.any():
         return t, signals, []
     for values in signals.values():
-        axes = tuple(range(1, values.ndim))
-        same &= np.all(np.diff(values, axis=0) == 0.0, axis=axes)
+        same &= np.all(np.diff(values, axis=0) == 0.0, axis=tuple(range(1, values.ndim)))
     if not same.any():
         return t, signals, []
     keep = np.concatenate([[True], ~same])

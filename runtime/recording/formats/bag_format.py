@@ -119,9 +119,8 @@ def merged(
     filled = np.full((len(ticks), len(FIELDS) * len(names)), np.nan)
     for each in publishers:
         mine = [k for k, (_, number, _) in enumerate(piece) if number == each.number]
-        values = np.frombuffer(b"".join(piece[k][2] for k in mine)).reshape(
-            len(mine), len(FIELDS) * len(each.names)
-        )
+        numbers = np.frombuffer(b"".join(piece[k][2] for k in mine))
+        values = numbers.reshape(len(mine), len(FIELDS) * len(each.names))
         columns, of_publisher = _columns(each.names, names)
         filled[places[mine][:, None], columns] = values[:, of_publisher]
     return ticks, filled

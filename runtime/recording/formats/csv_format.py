@@ -42,9 +42,8 @@ class TextReader(log_format.LogReader):
     def convention(self) -> Recipe:
         """Recipe of a header by the convention, or by logToCSV."""
         text = self.text()
-        if (
-            franka := _franka_convention(islice(text_tables.lines_of(text), FRANKA_HEAD))
-        ) is not None:
+        franka = _franka_convention(islice(text_tables.lines_of(text), FRANKA_HEAD))
+        if franka is not None:
             return franka
         place = text_tables.find_header(text_tables.lines_of(text), ("q1",), self.raw.name)
         titles = text_tables.cells_of(next(islice(text_tables.lines_of(text), place, None)))[0]
@@ -83,9 +82,8 @@ class TextReader(log_format.LogReader):
 
     def head(self) -> list[list[str]]:
         """Cells of the first lines that are not blank."""
-        lines = islice(
-            text_tables.lines_of(text_tables.decode(self.raw.data(), self.raw.name)), HEAD
-        )
+        every = text_tables.lines_of(text_tables.decode(self.raw.data(), self.raw.name))
+        lines = islice(every, HEAD)
         return [text_tables.cells_of(line)[0] for line in lines if line.strip()]
 
 

@@ -96,8 +96,7 @@ class LerobotReader(LogReader):
         """Times of the episodes, each beginning `PAUSE_S` after the end of the one before."""
         episodes = self._column("episode_index")
         common_count(self.raw.path, (len(stamps), len(episodes)))
-        steps = np.diff(episodes[:, 0])
-        starts = np.flatnonzero(steps) + 1
+        starts = np.flatnonzero(np.diff(episodes[:, 0])) + 1
         shifts = np.zeros_like(stamps)
         shifts[starts] = stamps[starts - 1] + PAUSE_S - stamps[starts]
         count = len(starts) + 1

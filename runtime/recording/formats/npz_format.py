@@ -86,8 +86,7 @@ class NpzReader(log_format.LogReader):
 
     def arrays(self) -> dict[str, tuple[int, ...]]:
         """Name → shape of the arrays of real numbers."""
-        content = self._content.items()
-        return {key: each.shape for key, each in content if each.dtype.kind in "fiu"}
+        return {key: each.shape for key, each in self._content.items() if each.dtype.kind in "fiu"}
 
 
 def _write(recording: Recording, file: IO[bytes]) -> None:

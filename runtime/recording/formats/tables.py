@@ -27,6 +27,9 @@ class LogTable:
     remarks: tuple[str, ...] = ()  # sentences about the form of the file
 
 
+Tables = dict[str, LogTable]  # kind of signal → rows in the units of the file
+
+
 def picked(table: LogTable, columns: Columns, what: str) -> LogTable:
     """Numbers of an array that a recipe picks by index; all where it names none."""
     if not columns:

@@ -15,10 +15,9 @@ from runtime.recording.settings import FrictionColumn
 
 
 def _sentences(joints: Sequence[str], g: Array, sigma: Array) -> tuple[str, ...]:
-    known = np.isfinite(sigma)
     listed = ", ".join(
         f"{name} {1 + x:.3g}" + (f" ± {s:.2g}" if is_known else "")
-        for name, x, s, is_known in zip(joints, g, sigma, known, strict=True)
+        for name, x, s, is_known in zip(joints, g, sigma, np.isfinite(sigma), strict=True)
     )
     return (
         f"gains of the control law, torque over the commanded one: {listed}; with torque, gains "

@@ -75,8 +75,7 @@ def motion_of(recording: Recording, names: Iterable[str], lib: Library | None) -
     """Motion with the further signals that some columns need, where the recording has them."""
     signals = {each: recording.signal(each) for each in signals_for(names)}
     present = {each: values for each, values in signals.items() if values is not None}
-    dq = recording.required("dq")
-    return JointMotion(dq, recording.q, recording.ddq, lib, signals=present)
+    return JointMotion(recording.required("dq"), recording.q, recording.ddq, lib, signals=present)
 
 
 def torque(columns: Array, phi: Array, coupling: Coupling | None = None) -> Array:
@@ -121,9 +120,8 @@ def add_columns(
     values = columns(motion, *now) if names or not linear_later else None
     if values is not None:
         values.setflags(write=False)  # the recording holds it as it lies
-    return recording.replace(columns=values, column_names=names, motors=motors).noted(
-        f"Added the friction columns {listed}."
-    )
+    changed = recording.replace(columns=values, column_names=names, motors=motors)
+    return changed.noted(f"Added the friction columns {listed}.")
 
 
 def completed(recording: Recording, *terms: Friction) -> Recording:

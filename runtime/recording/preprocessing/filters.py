@@ -150,8 +150,7 @@ def savitzky_golay(
     recording: Recording, window_s: float, order: int = 4, only: tuple[str, ...] = ALL
 ) -> Recording:
     """Least-squares polynomials over a sliding window; missing dq and ddq are their derivatives."""
-    half = _half_window(recording, window_s, "fit polynomials")
-    width = 2 * half + 1
+    width = 2 * _half_window(recording, window_s, "fit polynomials") + 1
     if width <= order:
         raise RecordingError(
             f"the Savitzky–Golay window of {width} samples expects more than {order}, the degree; "

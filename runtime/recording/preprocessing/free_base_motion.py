@@ -152,11 +152,8 @@ class FreeBaseMotion:
     def rows(self, taken: slice | Integers) -> "FreeBaseMotion":
         """Some of the instants."""
         contacts, sensed = self.contacts, self.contacts.sensed
-        of_contacts = replace(
-            contacts,
-            wrench=contacts.wrench[taken],
-            sensed=None if sensed is None else sensed[taken],
-        )
+        sensed = None if sensed is None else sensed[taken]
+        of_contacts = replace(contacts, wrench=contacts.wrench[taken], sensed=sensed)
         arrays = {key: getattr(self, key) for key in _ARRAYS}
         cut = {key: values[taken] for key, values in arrays.items() if values is not None}
         return replace(self, contacts=of_contacts, **cut)
@@ -200,10 +197,8 @@ def motion_of(
         )
     motion = motion.take(np.isin(motion.t, whole.t[kept]), "Took the rows with forces.")
     forces, unknown = forces[np.isin(inside, kept)], unknown[kept]
-    x, dx, ddx = (
-        _by_name(np.hstack([part, forces]), blocks)
-        for part in (motion.q, motion.required("dq"), motion.required("ddq"))
-    )
+    parts = (motion.q, motion.required("dq"), motion.required("ddq"))
+    x, dx, ddx = (_by_name(np.hstack([part, forces]), blocks) for part in parts)
     turned = Rotation.from_matrix(x["rotation"].reshape(-1, 3, 3))
     rotation = turned.as_matrix()
     twist, acceleration = _base_rates(

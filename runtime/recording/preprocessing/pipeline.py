@@ -119,9 +119,8 @@ def momentum_torque(
     recording: Recording, preparation: Preparation, lib: Library, beta: Array
 ) -> Recording:
     """Low-passed torque of a model without accelerations: F (D P − S R) β instead of τ."""
-    data = smooth_motion(
-        on_grid(recording, preparation), lambda raw: _smooth_motion(raw, preparation)
-    )
+    uniform = on_grid(recording, preparation)
+    data = smooth_motion(uniform, lambda raw: _smooth_motion(raw, preparation))
     whole = balanced(data, (), lib, power=False)
     torque = torque_of_rows(data, lib, beta)
     return _trimmed(_filtered(whole.replace(tau=torque), preparation), preparation)

@@ -172,9 +172,8 @@ def differentiate(recording: Recording, from_position: bool = False) -> Recordin
     for base, key in (("q", "dq"), ("dq", "ddq")):
         if from_position or getattr(recording, key) is None:
             result = without_short(result, 3)
-            result = result.replace(**{key: slopes(result.t, result.required(base))}).noted(
-                f"Differentiated {base} to {key} by central differences."
-            )
+            derived = result.replace(**{key: slopes(result.t, result.required(base))})
+            result = derived.noted(f"Differentiated {base} to {key} by central differences.")
     return result
 
 
@@ -330,9 +329,8 @@ def decimate(recording: Recording, rate_hz: float) -> Recording:
         return resample(recording, rate_hz, HOLE / rate_hz * 1.01)
     instants = np.round((recording.t - recording.t[0]) / step).astype(np.int64)
     keep = instants % k == 0
-    return recording.take(
-        keep, f"Kept every {k}. instant ({rate_hz:g} Hz, {int(keep.sum())} rows)."
-    )
+    count = int(keep.sum())
+    return recording.take(keep, f"Kept every {k}. instant ({rate_hz:g} Hz, {count} rows).")
 
 
 def _between(hole: Mask) -> list[slice]:

@@ -69,9 +69,8 @@ class Inspection(Framed):
 
     def columns_of_frame(self) -> dict[str, list[str]]:
         """Level, kind and sentence of the findings, one row each."""
-        return {
-            key: [getattr(f, key) for f in self.findings] for key in ("level", "kind", "sentence")
-        }
+        keys = ("level", "kind", "sentence")
+        return {key: [getattr(f, key) for f in self.findings] for key in keys}
 
     def of_level(self, *levels: str) -> tuple[Finding, ...]:
         """The findings of these levels."""
@@ -255,10 +254,8 @@ def of_independent_joints(
         others = np.abs(np.delete(recording.tau, places, axis=1))
         if others.max(initial=0.0) > _PASSIVE * np.abs(recording.tau).max():
             raise IdentificationError(_refusal(lib, "torques act on joints that follow others"))
-    signals = plan.signals()
-    if any(
-        len(signal.columns) != recording.n_joints or signal.order for signal in signals.values()
-    ):
+    signals, count = plan.signals(), recording.n_joints
+    if any(len(signal.columns) != count or signal.order for signal in signals.values()):
         raise IdentificationError(_refusal(lib, "its columns have no names of their own"))
     changes = {
         kind: replace(signal, columns=tuple(signal.columns[k] for k in places))

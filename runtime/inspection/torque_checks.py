@@ -217,18 +217,14 @@ def _check_fit(checks: CheckRun, terms: Friction) -> None:
     is_known = checks.has_gains and not (computed or lib.placeholders)
     causes = model_fit.causes_left(torque_rows, fit) if is_known else Causes()
     gain = model_fit.explained(torque_rows, causes)
-    late = (
-        []
-        if computed or any(f.kind == "torque_gain" for f in gain)
-        else drives.delay_of_measured(
-            checks.recording, lib, checks.plan, terms, has_gains=checks.has_gains
-        )
-    )
+    late: list[Finding] = []
+    if not computed and all(f.kind != "torque_gain" for f in gain):
+        given = (checks.recording, lib, checks.plan, terms)
+        late = drives.delay_of_measured(*given, has_gains=checks.has_gains)
     before = checks.plan
     if any(finding.kind == "time_shift" for finding in late):
-        shifted = replace(
-            checks.plan.preparation, torque_delay_s=float(f"{late[0].evidence['delay_s']:.3g}")
-        )
+        delay_s = float(f"{late[0].evidence['delay_s']:.3g}")
+        shifted = replace(checks.plan.preparation, torque_delay_s=delay_s)
         checks.plan = checks.plan.replace(preparation=shifted)
         torque_rows = checks.torque_rows(terms)
         fit = model_fit.fitted(torque_rows)
@@ -265,8 +261,7 @@ def proposed_terms(plan: Recipe) -> Friction:
     """Friction columns to propose, with those of motors where the gear couples them."""
     if plan.law is not None:
         return Friction(DRIVE)
-    gear = plan.gear
-    coupled = any(x != 0.0 for i, row in enumerate(gear) for j, x in enumerate(row) if i != j)
+    coupled = any(x != 0.0 for i, row in enumerate(plan.gear) for j, x in enumerate(row) if i != j)
     motors = (ROTOR.name, *names_where(lambda column: column.of_motors))
     return Friction(columns=(*Friction().columns, *(motors if coupled else ())))
 

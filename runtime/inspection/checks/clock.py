@@ -64,17 +64,15 @@ def order_of_time(raw: Raw, plan: Recipe) -> Checked:
         "if the rows are equally spaced"
     )
     evidence = {"rows": int(backward.size), "first": first + 1, "rate_hz": 1.0 / step}
-    return plan.replace(time=Time(rate_hz=1.0 / step)), [
-        Finding("time_backwards", ERROR, sentence, evidence)
-    ]
+    findings = [Finding("time_backwards", ERROR, sentence, evidence)]
+    return plan.replace(time=Time(rate_hz=1.0 / step)), findings
 
 
 def clock(recording: Recording, plan: Recipe, raw: Raw, lib: Library) -> Checked:
     """Repeated states, dropped samples, jitter and holes."""
     logged = raw.values["position"]
-    preparation, findings = _stale(
-        recording, plan, lib, logged if len(logged) == len(recording) else None
-    )
+    original = logged if len(logged) == len(recording) else None
+    preparation, findings = _stale(recording, plan, lib, original)
     if not findings:
         findings = [] if preparation.clock_tick is not None else lost_rows(recording)
         preparation = _rebuilt(recording, preparation)[0] if findings else preparation
@@ -264,8 +262,7 @@ def _misfit(recording: Recording) -> float:
     """‖Δq − v Δt‖ / ‖Δq‖ with the mean v of both ends of every step."""
     dq = recording.required("dq")
     moved: Array = np.diff(recording.q, axis=0)
-    mean = 0.5 * (dq[1:] + dq[:-1])
-    expected = mean * np.diff(recording.t)[:, None]
+    expected = 0.5 * (dq[1:] + dq[:-1]) * np.diff(recording.t)[:, None]
     return float(np.linalg.norm(moved - expected) / max(float(np.linalg.norm(moved)), 1e-300))
 
 

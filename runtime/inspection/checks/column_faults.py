@@ -73,10 +73,8 @@ def _orders(n: int) -> itertools.chain | itertools.permutations:
         return itertools.permutations(range(n))
     base = list(range(n))
     shifted = (tuple(base[k:] + base[:k]) for k in range(n))
-    swapped = (
-        tuple(b if k == a else a if k == b else k for k in base)
-        for a, b in itertools.combinations(range(n), 2)
-    )
+    pairs = itertools.combinations(range(n), 2)
+    swapped = (tuple(b if k == a else a if k == b else k for k in base) for a, b in pairs)
     return itertools.chain(shifted, [tuple(reversed(base))], swapped)
 
 
@@ -164,12 +162,8 @@ def _finding(
         f"{significant(100 * before)} % of the squared torque of these joints unexplained, so "
         f"corrected {significant(100 * after)} %; compare with the logger, and {remedy}"
     )
-    return Finding(
-        {faults.REVERSED: faults.TORQUE_SIGN}.get(fault.kind, fault.kind),
-        WARNING,
-        sentence,
-        evidence,
-    )
+    kind = {faults.REVERSED: faults.TORQUE_SIGN}.get(fault.kind, fault.kind)
+    return Finding(kind, WARNING, sentence, evidence)
 
 
 def _hidden(seen: ColumnFaults, names: tuple[str, ...]) -> list[Finding]:

@@ -322,12 +322,8 @@ def meaning(title: str) -> Meaning:
     bracket = re.search(r"[\[(]\s*([a-zA-Zµ.*·⋅]+)", title)
     candidates = [re.sub(r"[.*·⋅]", "", bracket[1].lower())] if bracket else words[1:]
     unit = next((units[word] for word in candidates if word in units), "")
-    return Meaning(
-        kind=kind,
-        joint=int(digits[-1]) if digits else -1,
-        is_measured=not (set(words) & COMMANDED),
-        unit=unit,
-    )
+    joint = int(digits[-1]) if digits else -1
+    return Meaning(kind=kind, joint=joint, is_measured=not (set(words) & COMMANDED), unit=unit)
 
 
 def by_joint(titles: list[str], names: tuple[str, ...]) -> dict[str, tuple[str, ...]]:

@@ -204,10 +204,9 @@ def rotor(recording: Recording, lib: Library, plan: Recipe, terms: Friction) -> 
         f"viscous and Coulomb friction "
         f"{100 * shares.friction:.1f} %, with rotor inertia as well {100 * shares.drives:.1f} %; "
     )
+    listed = ", ".join(terms.columns)
     sentence += (
-        "the recipe has the column rotor"
-        if handled
-        else f"use the friction columns {', '.join(terms.columns)}"
+        "the recipe has the column rotor" if handled else f"use the friction columns {listed}"
     )
     if strong:
         sentence += f"; first rotor inertias {proposals} kg·m²"
@@ -223,8 +222,7 @@ def rotor(recording: Recording, lib: Library, plan: Recipe, terms: Friction) -> 
 
 def shares_of(recording: Recording, lib: Library, preparation: Preparation) -> Shares | None:
     """Shares of the joints that move; None where none does."""
-    late = preparation.torque_delay_s
-    usual = replace(filtered(recording, preparation), torque_delay_s=late)
+    usual = replace(filtered(recording, preparation), torque_delay_s=preparation.torque_delay_s)
     bare = recording.replace(columns=None, column_names=(), motors=None)
     samples = samples_of(prepare(bare, usual, Friction(DRIVE), lib=lib), lib)
     size = np.linalg.norm(samples.tau, axis=0)

@@ -244,10 +244,7 @@ def several_runs(parts: list[dict[str, Any]], run: str) -> Finding:
 def signal_parts(place: Path, names: tuple[str, ...]) -> Group:
     """Parts of a log by the kind of signal that they may be."""
     signals: Group = defaultdict(list)
-    files = [place]
-    if place.is_dir():
-        files = sorted(place.iterdir())
-    for path in files:
+    for path in sorted(place.iterdir()) if place.is_dir() else [place]:
         file = path.name if place.is_dir() else ""
         if has_titles(path):
             reader = LogFiles(path, Recipe()).reader(path.name, "")

@@ -148,10 +148,8 @@ def _by_friction(lib: Library, plan: Recipe, evidence: TorqueEvidence) -> Checke
     """The finding where τ is opposite to the gravity torque, by the sign of friction."""
     loaded = [int(j) for j in evidence.opposite]
     slopes = ", ".join(f"{evidence.gravity[j]:.2g}" for j in loaded)
-    facts = {
-        "slopes": [float(x) for x in evidence.gravity],
-        "friction_power_over_sigma": [float(x) for x in evidence.power_over_sigma],
-    }
+    powers = [float(x) for x in evidence.power_over_sigma]
+    facts = {"slopes": [float(x) for x in evidence.gravity], "friction_power_over_sigma": powers}
     opposite = (
         "τ is opposite to the gravity torque of the model at "
         f"{joint_list(lib.joint_names, loaded)} (slope {slopes})"

@@ -402,10 +402,8 @@ def other_robot(torque_rows: TorqueRows, fit: UnconstrainedFit) -> list[Finding]
     s, lib = torque_rows.samples, torque_rows.lib
     tau, friction = s.tau.ravel(), torque_rows.friction_rows()
     urdf = lib.inverse_dynamics(s.q, s.dq, s.ddq, lib.pi0).ravel()
-    free, by_urdf, none = (
-        float(np.sum(rest**2))
-        for rest in (fit.rest, *(least_squares(friction, t)[1] for t in (tau - urdf, tau)))
-    )
+    rests = (fit.rest, *(least_squares(friction, t)[1] for t in (tau - urdf, tau)))
+    free, by_urdf, none = (float(np.sum(rest**2)) for rest in rests)
     mismatch = float(np.sqrt(max(by_urdf - free, 0.0) / max(none - free, 1e-300)))
     if mismatch < OTHER or by_urdf - free < MISSED**2 * float(tau @ tau):
         return []

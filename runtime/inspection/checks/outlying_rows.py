@@ -65,22 +65,15 @@ def outlying_rows(recording: Recording, plan: Recipe, lib: Library) -> Checked:
     t = recording.t
     spans = tuple((float(t[a]), float(t[b - 1])) for a, b in bursts)
     few = len(spans) <= MOST_SPANS
-    remedy = (
-        "leave_out of the proposed recipe leaves them out"
-        if few
-        else f"these are {len(spans)} places, too many for a recipe; repair the logger"
-    )
+    remedy = "leave_out of the proposed recipe leaves them out"
+    if not few:
+        remedy = f"these are {len(spans)} places, too many for a recipe; repair the logger"
     said = [_sentence(key, signals[key], mark, lib) for key, mark in marks.items()]
-    places = ", ".join(f"{a:.4g} s" if a == b else f"{a:.4g}–{b:.4g} s" for a, b in spans[:5]) + (
-        f" and {len(spans) - 5} more" if len(spans) > 5 else ""
-    )
+    listed = ", ".join(f"{a:.4g} s" if a == b else f"{a:.4g}–{b:.4g} s" for a, b in spans[:5])
+    places = listed + (f" and {len(spans) - 5} more" if len(spans) > 5 else "")
     both = int(np.sum(np.sum([mark.any(axis=1) for mark in marks.values()], axis=0) > 1))
-    shifted = (
-        f"; in {both} rows several signals jump at once: these rows are corrupt (shifted columns, "
-        "lost bytes)"
-        if both
-        else ""
-    )
+    at_once = f"; in {both} rows several signals jump at once: these rows are corrupt"
+    shifted = f"{at_once} (shifted columns, lost bytes)" if both else ""
     evidence = {
         "rows": int(rows.sum()),
         "corrupt_rows": both,
@@ -101,8 +94,7 @@ def outlying_rows(recording: Recording, plan: Recipe, lib: Library) -> Checked:
 
 def _outliers(values: Array) -> Mask:
     """Whether each value is far from the median of its neighbours, (N, n)."""
-    middle = median_filter(values, size=(WINDOW, 1), mode="nearest")
-    far = np.abs(values - middle)
+    far = np.abs(values - median_filter(values, size=(WINDOW, 1), mode="nearest"))
     low, high = np.quantile(values, [0.01, 0.99], axis=0)
     # Rows at rest have no noise in many logs and would lower the quantile.
     moving = np.any(np.diff(values, axis=0, prepend=np.nan) != 0.0, axis=1)
@@ -130,8 +122,7 @@ def _jumps(recording: Recording) -> Mask:
     reach = np.where(gaps, FASTER * fastest * times, 0.0)
     jumps = odd & (np.abs(steps) > np.maximum(RANGE * (high - low), reach))
     for j in range(jumps.shape[1]):
-        places = np.flatnonzero(jumps[:, j])
-        for a, b in itertools.pairwise(places):
+        for a, b in itertools.pairwise(np.flatnonzero(jumps[:, j])):
             there, back = steps[a, j], steps[b, j]  # of one displacement, which returns
             smaller, larger = sorted([abs(there), abs(back)])
             returns = there * back < 0.0 and smaller >= ALIKE * larger
@@ -157,8 +148,7 @@ def _sentence(key: str, values: Array, mark: Mask, lib: Library) -> str:
     peaks = np.where(mark, np.abs(values), 0.0).max(axis=0)
     names = joint_list(lib.joint_names, joints)
     count = int(mark.any(axis=1).sum())
-    limit = lib.limits()["effort"]
-    over = float(np.max(peaks[joints] / limit[joints]))
+    over = float(np.max(peaks[joints] / lib.limits()["effort"][joints]))
     effort = f", {over:.2g} times the limit of effort" if key == "tau" and over > 1.0 else ""
     return f"{_NAMES[key]} of {names} in {count} rows, up to {peaks[joints].max():.3g}{effort}"
 
@@ -194,13 +184,10 @@ def frozen(recording: Recording, plan: Recipe, lib: Library) -> Checked:
         f"signals keep their value to the last bit while the arm moves ({listed}): the logger "
         "or a driver stopped; leave_out of the proposed recipe leaves these rows out"
     )
-    evidence = {
-        "spans_s": [list(span) for span in spans],
-        "signals": [list(keys) for *_, keys in intervals],
-    }
-    return plan.replace(leave_out=tuple(sorted({*plan.leave_out, *spans}))), [
-        Finding("frozen", WARNING, sentence, evidence)
-    ]
+    frozen_keys = [list(keys) for *_, keys in intervals]
+    evidence = {"spans_s": [list(span) for span in spans], "signals": frozen_keys}
+    changed = plan.replace(leave_out=tuple(sorted({*plan.leave_out, *spans})))
+    return changed, [Finding("frozen", WARNING, sentence, evidence)]
 
 
 def _moves(

@@ -72,8 +72,7 @@ def units(recording: Recording, plan: Recipe, lib: Library) -> Checked:
     slopes = slopes_of(recording.replace(q=unwrap(recording.q * factor)[0]))
     if not np.isfinite(slopes).any():
         return plan, findings
-    seen = float(np.nanmedian(slopes))
-    return _velocity_and_time(seen, slopes, recording, plan, findings)
+    return _velocity_and_time(float(np.nanmedian(slopes)), slopes, recording, plan, findings)
 
 
 def _velocity_and_time(
@@ -117,10 +116,8 @@ def _in_units(
     if clock != 1.0 and plan.time is not None:
         factor = UNITS["time"][plan.time.unit] * clock
         unit = min(UNITS["time"], key=lambda u: abs(np.log(UNITS["time"][u] / factor)))
-        plan = plan.replace(
-            time=replace(plan.time, unit=unit),
-            leave_out=_scaled(plan, UNITS["time"][unit] / UNITS["time"][plan.time.unit]),
-        )
+        leave_out = _scaled(plan, UNITS["time"][unit] / UNITS["time"][plan.time.unit])
+        plan = plan.replace(time=replace(plan.time, unit=unit), leave_out=leave_out)
         sentence = (
             f"time looks like {unit}: Δq/Δt is {seen:.3g} of dq, and in {unit} the log runs "
             f"at {rate:.4g} Hz; set unit = '{unit}' under [time]"

@@ -399,9 +399,8 @@ def observer_c(lib: Library, detector: Detector, band: Array) -> dict[str, str]:
         "offset": _row(kept[:, names.index(OFFSET.name)] if OFFSET.name in names else np.zeros(n)),
     }
     source = source[:place] + FRICTION.substitute(parts) + source[place:]
-    return dict(
-        zip(FILES, (HEADER.substitute(values), source, EXAMPLE.substitute(values)), strict=True)
-    )
+    texts = (HEADER.substitute(values), source, EXAMPLE.substitute(values))
+    return dict(zip(FILES, texts, strict=True))
 
 
 def _parts(name: str, variances: Array) -> dict[str, str]:

@@ -24,14 +24,12 @@ NANO = 1_000_000_000
 
 def torque_mcap(names: Sequence[str], data: Recording, seen: Observation) -> bytes:
     """MCAP file of an observed log; instants count from 0 of the log; seen: (N, n) [N·m, N]."""
-    mcap, rosbags = (
-        imported(module, "MCAP files") for module in ("mcap.writer", "rosbags.typesys")
-    )
+    modules = ("mcap.writer", "rosbags.typesys")
+    mcap, rosbags = (imported(module, "MCAP files") for module in modules)
     store = rosbags.get_typestore(rosbags.Stores.ROS2_HUMBLE)
     definition, _ = store.generate_msgdef(TYPE, ros_version=2)
-    state, header, time = (
-        store.types[each] for each in (TYPE, "std_msgs/msg/Header", "builtin_interfaces/msg/Time")
-    )
+    types = (TYPE, "std_msgs/msg/Header", "builtin_interfaces/msg/Time")
+    state, header, time = (store.types[each] for each in types)
     tau, dq = data.required("tau"), data.required("dq")
     out = BytesIO()
     writer = mcap.Writer(out, compression=mcap.CompressionType.NONE)
@@ -45,8 +43,7 @@ def torque_mcap(names: Sequence[str], data: Recording, seen: Observation) -> byt
         efforts = [tau[k], tau[k] + seen.r[k], seen.r[k]] if known[k] else [tau[k]]
         for channel, effort in zip(channels, efforts, strict=False):
             message = state(head, list(names), data.q[k], dq[k], effort)
-            content = bytes(store.serialize_cdr(message, TYPE))
-            writer.add_message(channel, stamp, content, stamp)
+            writer.add_message(channel, stamp, bytes(store.serialize_cdr(message, TYPE)), stamp)
     writer.finish()
     return out.getvalue()
 

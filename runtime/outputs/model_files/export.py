@@ -66,9 +66,7 @@ def export_model(
     overwrite: bool = False,
 ) -> list[Exported]:
     """Write some of `EXPORT_FORMATS` into a folder, each one if its check passes."""
-    paths = {}
-    for kind in kinds:
-        paths[kind] = folder / EXPORT_FORMATS[kind].file.format(robot=lib.name)
+    paths = {kind: folder / EXPORT_FORMATS[kind].file.format(robot=lib.name) for kind in kinds}
     require_unused(paths.values(), overwrite)
     done = []
     for kind, path in paths.items():

@@ -148,10 +148,8 @@ def simulator_arrays(
 ) -> dict[str, Array]:
     """Arrays of N draws in SI units; axes are quaternions w, x, y, z of the principal axes."""
     tree = read_tree(lib)
-    models = [
-        make_model(lib, pi, saved.friction, phi, tree=tree)
-        for pi, phi in zip(draws.pi, draws.phi, strict=True)
-    ]
+    pairs = zip(draws.pi, draws.phi, strict=True)
+    models = [make_model(lib, pi, saved.friction, phi, tree=tree) for pi, phi in pairs]
     bodies = [[model.bodies.by_link[name] for name in lib.link_names] for model in models]
     inertia = np.array([[body.inertia for body in row] for row in bodies])
     moments, axes = np.linalg.eigh(inertia)

@@ -114,10 +114,8 @@ def _sections(facts: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> It
                 [bool(row["consistent"]) for row in ran],
             ),
         )
-    yield Section(
-        "Final message of every method",
-        items=tuple(f"{row['method']}: {_sentence(str(row['status']))}" for row in rows),
-    )
+    messages = tuple(f"{row['method']}: {_sentence(str(row['status']))}" for row in rows)
+    yield Section("Final message of every method", items=messages)
 
 
 def _rms(values: Sequence[float], n: int) -> Array:

@@ -103,12 +103,8 @@ def convergence(iteration: Array, training: Array, validation: Array) -> Markup:
             seen = np.isfinite(values)
             if seen.any():
                 mark = "." if seen.sum() < 40 else ""
-                axis.plot(
-                    *canvas.thinned(iteration[seen], values[seen], most),
-                    color=colour,
-                    label=label,
-                    marker=mark,
-                )
+                points = canvas.thinned(iteration[seen], values[seen], most)
+                axis.plot(*points, color=colour, label=label, marker=mark)
         _logarithmic(axis, np.concatenate([training, validation]))
         axis.set_xlabel("iteration")
         axis.set_ylabel("loss")

@@ -29,13 +29,11 @@ def draw_external_torque(
                     axis.axvspan(
                         contact.time_s, contact.end_s, color=canvas.VERMILION, alpha=0.3, lw=0
                     )
-            axis.plot(
-                *canvas.thinned(t, observation.r[:, j], POINTS), color=canvas.BLUE, linewidth=0.8
-            )
+            curve = canvas.thinned(t, observation.r[:, j], POINTS)
+            axis.plot(*curve, color=canvas.BLUE, linewidth=0.8)
             for sign in (1, -1):
-                axis.plot(
-                    t[rows], sign * observation.threshold[rows, j], color=canvas.GREY, linewidth=0.8
-                )
+                bound = sign * observation.threshold[rows, j]
+                axis.plot(t[rows], bound, color=canvas.GREY, linewidth=0.8)
             axis.set_title(f"{name} [{unit.replace('*', '·')}]")
             axis.margins(x=0)
         axes[-1].set_xlabel("t [s]")
@@ -86,9 +84,8 @@ def draw_log(recording: Recording, path: Path, rest: Sequence[tuple[float, float
     with canvas.picture(path, (10.0, 1.8 * (len(panels) + 1)), dpi=120) as figure:
         axes = figure.subplots(len(panels) + 1, 1, sharex=True, squeeze=False)[:, 0]
         if len(steps):
-            axes[0].plot(
-                *canvas.thinned(t[1:], 1e3 * steps, POINTS), color=canvas.BLUE, linewidth=0.6
-            )
+            curve = canvas.thinned(t[1:], 1e3 * steps, POINTS)
+            axes[0].plot(*curve, color=canvas.BLUE, linewidth=0.6)
             median, most = 1e3 * float(np.median(steps)), 1e3 * float(steps.max())
             if most > _GAP * median:
                 axes[0].set_yscale("log")

@@ -66,9 +66,8 @@ def _distances(axis: "Axes", profile: MotionProfile, gaps: list[Gap]) -> None:
         worst = min(gap.left for gap in gaps if gap.margin == margin)
         axis.axhline(margin, color=canvas.VERMILION, linewidth=1.0)
         if worst < 0:
-            axis.axhspan(
-                min(0.0, margin + worst), margin, color=canvas.VERMILION, alpha=0.12, linewidth=0
-            )
+            least = min(0.0, margin + worst)
+            axis.axhspan(least, margin, color=canvas.VERMILION, alpha=0.12, linewidth=0)
     top = min(max(gap.values.max() for gap in bold), max(NEAR, 2 * bold[-1].least))
     low = min(0.0, *(gap.least for gap in gaps))
     axis.set_ylim(low - 0.03 * (top - low), 1.02 * top)

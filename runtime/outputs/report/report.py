@@ -113,11 +113,8 @@ def headline(result: result_record.ResultRecord) -> str:
     end = f"not physically consistent: {', '.join(bad) or 'at least one link'}"
     if result.consistent:
         end = "all links are physically consistent"
-    part = (
-        "training data (no test split)"
-        if result.recording.samples.get("test") == 0
-        else "test split"
-    )
+    is_trained = result.recording.samples.get("test") == 0
+    part = "training data (no test split)" if is_trained else "test split"
     return f"The torque error on the {part} {change}; {end}."
 
 
@@ -208,20 +205,16 @@ def sections(record: result_record.ResultRecord, rows: Mapping[str, Array]) -> I
 
 def _masses(result: result_record.ResultRecord, links: Sequence[str]) -> Section:
     known = result.uncertainty
-    drawn = mass_change(
-        links,
-        np.array([link.mass_before for link in result.links]),
-        np.array([link.mass for link in result.links]),
-        None if known is None else np.array([link.mass_sigma for link in known.links]),
-    )
+    before = np.array([link.mass_before for link in result.links])
+    now = np.array([link.mass for link in result.links])
+    sigma = None if known is None else np.array([link.mass_sigma for link in known.links])
+    drawn = mass_change(links, before, now, sigma)
     return Section("Change of mass", figure=drawn)
 
 
 def _friction(joints: Sequence[str], friction: result_record.FrictionPart) -> Section:
-    rows = tuple(
-        (joint, *(number(value) for value in values))
-        for joint, values in zip(joints, friction.values, strict=True)
-    )
+    pairs = zip(joints, friction.values, strict=True)
+    rows = tuple((joint, *(number(value) for value in values)) for joint, values in pairs)
     coupled = any(name in COLUMNS and COLUMNS[name].of_motors for name in friction.columns)
     sign = f" The smooth sign of the velocity is tanh(dq / {friction.coulomb_speed:g})."
     if DAHL.name in friction.columns:

@@ -33,9 +33,8 @@ class Scene:
 
     def __init__(self, lib: Library, look: Look, port: int) -> None:
         self._lib = lib
-        self.server = optional("viser", "the viewer", "view").ViserServer(
-            host=HOST, port=port, label=lib.name, verbose=False
-        )
+        viser = optional("viser", "the viewer", "view")
+        self.server = viser.ViserServer(host=HOST, port=port, label=lib.name, verbose=False)
         world = self.server.scene
         world.set_up_direction("+z")
         world.add_grid("/ground", width=2.0, height=2.0, cell_size=0.1)
@@ -164,9 +163,8 @@ class Player:
         gui.add_markdown(f"**{lib.name}** · {motion.name} · {motion.duration:.1f} s")
         self.play = gui.add_checkbox("play", True)
         self.speed = gui.add_dropdown("speed", SPEEDS, initial_value="1")
-        self.time = gui.add_slider(
-            "time [s]", 0.0, max(motion.duration, 0.01), 0.01, initial_value=0.0
-        )
+        longest = max(motion.duration, 0.01)
+        self.time = gui.add_slider("time [s]", 0.0, longest, 0.01, initial_value=0.0)
         self.bars = gui.add_html("")
         self._shown = -1.0
         self._barred = -np.inf

@@ -150,8 +150,7 @@ def _shape(
         raise ValueError("no geometry")
     trimesh = geometry_library()
     if kind.tag == "mesh":
-        path = _resolved(str(kind.get("filename")), places, home)
-        mesh = trimesh.load(path, force="scene")
+        mesh = trimesh.load(_resolved(str(kind.get("filename")), places, home), force="scene")
         pose = pose @ np.diag([*_numbers(kind.get("scale", "1 1 1"), 3), 1.0])
         return Shape(link, f"visual{number}", mesh, pose)
     mesh = {
@@ -190,11 +189,9 @@ def _solids(lib: Library) -> Iterator[Shape]:
     carried.append((tip.link, np.array(tip.translation), lib.n_links))
     radius = sum(float(np.linalg.norm(end)) for _, end, _ in carried) / SLENDER or 1.0 / SLENDER
     for link, end, number in carried:
-        ends = np.array([np.zeros(3), end])
-        yield _capsule(link, f"link{number}", ends, radius, number)
-    for number, (link, joint) in enumerate(
-        zip(lib.link_names, lib.manifest.all_joints, strict=True)
-    ):
+        yield _capsule(link, f"link{number}", np.array([np.zeros(3), end]), radius, number)
+    moved = zip(lib.link_names, lib.manifest.all_joints, strict=True)
+    for number, (link, joint) in enumerate(moved):
         mesh = geometry_library().creation.cylinder(WIDER * radius, 2 * WIDER * radius)
         yield _along(link, f"joint{number}", mesh, np.array(joint.axis), np.zeros(3), number)
 
@@ -202,8 +199,7 @@ def _solids(lib: Library) -> Iterator[Shape]:
 def _capsule(link: str, name: str, ends: Array, radius: float, number: int) -> Shape:
     trimesh = geometry_library()
     axis = ends[1] - ends[0]
-    length = float(np.linalg.norm(axis))
-    mesh = trimesh.creation.capsule(length, radius)
+    mesh = trimesh.creation.capsule(float(np.linalg.norm(axis)), radius)
     return _along(link, name, mesh, axis, ends.mean(axis=0), number)
 
 

@@ -73,8 +73,7 @@ def _require_equalities(
     mujoco: Any, model: Any, data: Any, lib: Library, q: Array, order: list[int]
 ) -> None:
     """Raise Unreadable unless residual, slope along G and rank leave the library's motions."""
-    jacobians = lib.joint_jacobian(q)
-    for positions, jacobian in zip(lib.all_positions(q), jacobians, strict=True):
+    for positions, jacobian in zip(lib.all_positions(q), lib.joint_jacobian(q), strict=True):
         data.qpos[order] = positions
         mujoco.mj_forward(model, data)
         kept = np.asarray(data.efc_type) == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)

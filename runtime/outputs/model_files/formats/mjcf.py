@@ -100,9 +100,8 @@ def mjcf_text(model: IdentifiedModel) -> str:
     require_equalities(model)
     lib, tree = model.lib, model.tree
     root = Element("mujoco", {"model": lib.name})
-    SubElement(
-        root, "compiler", {"angle": "radian", "autolimits": "false", "inertiafromgeom": "false"}
-    )
+    options = {"angle": "radian", "autolimits": "false", "inertiafromgeom": "false"}
+    SubElement(root, "compiler", options)
     SubElement(root, "option", {"gravity": row(lib.gravity)})
     world = SubElement(root, "worldbody")
     top = world if tree.base == WORLD else _body(model, world, tree.base, None)
@@ -117,8 +116,7 @@ def mjcf_text(model: IdentifiedModel) -> str:
     takes = "Motors take torque [N m] or force [N]."
     if _has_gains(model):
         takes = "Actuators take desired positions; kp and kv are the gains of the control law."
-    comment = xml_comment(model.robot_comment(takes))
-    return comment + tostring(root, "unicode") + "\n"
+    return xml_comment(model.robot_comment(takes)) + tostring(root, "unicode") + "\n"
 
 
 def _has_gains(model: IdentifiedModel) -> bool:
@@ -182,11 +180,9 @@ def _capsules(model: IdentifiedModel, body: Element, link: str) -> None:
         if proxy.link == link or (is_base and proxy.link == "base"):
             ends = np.array([*proxy.start, *proxy.end])
             is_ball = bool(np.allclose(proxy.start, proxy.end, rtol=0, atol=1e-6))
-            shape = (
-                {"type": "sphere", "pos": row(ends[:3])}
-                if is_ball
-                else {"type": "capsule", "fromto": row(ends)}
-            )
+            shape = {"type": "capsule", "fromto": row(ends)}
+            if is_ball:
+                shape = {"type": "sphere", "pos": row(ends[:3])}
             rest = {"size": digits(proxy.radius), "contype": "0", "conaffinity": "0"}
             SubElement(body, "geom", {"name": proxy.name, **shape, **rest, "group": "2"})
 

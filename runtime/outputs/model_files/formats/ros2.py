@@ -62,10 +62,8 @@ def ros2_files(model: IdentifiedModel) -> dict[str, str]:
     guard, comment = f"{lib.name.upper()}_PARAMETERS_H", model.comment("Parameters")
     written[f"{include}/parameters.h"] = c_header(guard, comment, arrays)
     written["config/parameters.yaml"] = _yaml(model)
-    for name, place in (
-        ("kernels.c", "src/kernels.c"),
-        (f"{lib.name}.h", f"{include}/{lib.name}.h"),
-    ):
+    header = f"{lib.name}.h"
+    for name, place in (("kernels.c", "src/kernels.c"), (header, f"{include}/{header}")):
         try:
             written[place] = (lib.folder / name).read_text(encoding="utf-8")
         except OSError:

@@ -95,9 +95,8 @@ def _joint(model: IdentifiedModel, top: Element, edge: Edge, parent: str) -> Non
     bounds = {key: values[k] for key, values in model.lib.limits().items() if values.ndim}
     for key in ("lower", "upper"):
         value = float(bounds[key])
-        SubElement(limit, key).text = digits(
-            value if np.isfinite(value) else np.sign(value) * UNLIMITED
-        )
+        finite = value if np.isfinite(value) else np.sign(value) * UNLIMITED
+        SubElement(limit, key).text = digits(finite)
     for key in ("effort", "velocity"):
         if np.isfinite(bounds[key]):
             SubElement(limit, key).text = digits(float(bounds[key]))

@@ -67,10 +67,8 @@ def joint_prim(
     align = np.eye(4)
     if kind != "Fixed":
         align[:3, :3] = onto(edge.axis)
-    inside = [
-        f"custom string symgen:name = {quoted(edge.name)}",
-        *_ends(ends, edge.placement @ align, align),
-    ]
+    frames = _ends(ends, edge.placement @ align, align)
+    inside = [f"custom string symgen:name = {quoted(edge.name)}", *frames]
     schemas: list[str] = []
     if kind != "Fixed":
         schemas, more = _moving(model, edge, kind)
@@ -225,9 +223,8 @@ def usd_text(model: IdentifiedModel) -> str:
     """Text of a USD stage (.usda) at q = 0, or at `lib.home` where loops must be closed."""
     require_mechanism(model)
     lib, tree = model.lib, model.tree
-    names = prim_names(
-        [*tree.links, *(edge.name for edge in tree.edges.values()), *lib.manifest.loops]
-    )
+    everything = [*tree.links, *(edge.name for edge in tree.edges.values()), *lib.manifest.loops]
+    names = prim_names(everything)
     root = prim_names([lib.name])[lib.name]
     strength = float(np.linalg.norm(lib.gravity))
     down = lib.gravity / (strength or 1.0)
@@ -299,9 +296,8 @@ def check_usd(model: IdentifiedModel, text: str) -> str:
             raise reloaded_fault(read.engine, f"the joint '{edge.name}' is placed differently")
     _require_mechanism_read(model, read)
     for quantity in usd.TERMS:
-        for name, value in zip(
-            model.lib.joint_names, getattr(model.friction, quantity), strict=True
-        ):
+        values = getattr(model.friction, quantity)
+        for name, value in zip(model.lib.joint_names, values, strict=True):
             if value is not None and not read.holds(name, quantity, value):
                 what = f"the {quantity} of joint '{name}' is not {value:g}"
                 raise reloaded_fault(read.engine, what)

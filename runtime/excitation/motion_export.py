@@ -130,9 +130,8 @@ def _write_log(motion: CertifiedMotion, rate: float, path: Path) -> None:
     t = sample_times(motion.trajectory.duration, rate)
     q, dq, ddq, _ = motion.trajectory.at(motion.lib, t)
     names, history = motion.lib.joint_names, motion.header()
-    write_recording(
-        Recording(t, q, dq, ddq, name=path.stem, joint_names=names, history=history), path
-    )
+    log = Recording(t, q, dq, ddq, name=path.stem, joint_names=names, history=history)
+    write_recording(log, path)
 
 
 def _write_libfranka(motion: CertifiedMotion, rate: float, path: Path) -> None:

@@ -131,15 +131,11 @@ def pose_range(lib: Library, margin: float = 1.0) -> PoseRange:
     upper = np.where(np.isfinite(limits["upper"]), limits["upper"], lib.home + DEFAULT_RANGE)
     unknown = ~(np.isfinite(limits["lower"]) & np.isfinite(limits["upper"]))
     names = ", ".join(np.array(lib.joint_names)[unknown])
-    assumed = (f"no position limits for {names}: {DEFAULT_RANGE:.4g} about home assumed",)
+    sentence = f"no position limits for {names}: {DEFAULT_RANGE:.4g} about home assumed"
+    assumptions = (sentence,) if unknown.any() else ()
     middle, half = (upper + lower) / 2, margin * (upper - lower) / 2
     approach = np.minimum(APPROACH, APPROACH_SHARE * 2 * half)
-    return PoseRange(
-        middle - half + approach,
-        middle + half - approach,
-        approach,
-        assumed if unknown.any() else (),
-    )
+    return PoseRange(middle - half + approach, middle + half - approach, approach, assumptions)
 
 
 def feasible_poses(

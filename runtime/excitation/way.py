@@ -255,9 +255,8 @@ def _smooth(lib: Library, poses: FreePoses, corners: Array, zero_jerk: bool) -> 
         # The polyline from the start, without it: the last place is the end.
         length = along(corners)[-1] * np.arange(1, points + 1) / points
         a = (places(corners, length) - corners[0]).T
-        moved = Trajectory(
-            corners[0], np.ascontiguousarray(a), 1.0, Spline(zero_jerk, arrives=True)
-        )
+        spline = Spline(zero_jerk, arrives=True)
+        moved = Trajectory(corners[0], np.ascontiguousarray(a), 1.0, spline)
         q = moved.at(lib, np.linspace(0.0, 1.0, SAMPLES + 1))[0]
         if len(corners) == 2 or poses.are_free(q).all():
             motions.append(moved)
@@ -287,9 +286,8 @@ def _sampled(
     duration = max(SHORTEST, _least_duration(lib, moved, share))
     timed = [one for one in limits if one.kind not in PLACES]
     for _ in range(_ATTEMPTS):
-        motion = np.array(
-            replace(moved, duration=duration).at(lib, np.linspace(0.0, duration, SAMPLES + 1))
-        )
+        t = np.linspace(0.0, duration, SAMPLES + 1)
+        motion = np.array(replace(moved, duration=duration).at(lib, t))
         uses = [
             use_of(one, float(one.values(motion).max())) / (share if one.kind in TIMED else 1.0)
             for one in timed

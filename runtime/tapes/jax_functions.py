@@ -38,10 +38,8 @@ class Functions(TapeFunctions):
         for name in {*DIFFERENTIABLE, *DERIVATIVES} & lib.manifest.kernels.keys():
             if add(f"{self.key}.{name}".encode(), lib.binding.address(name)):
                 raise LibraryError(f"no memory to enter the kernel '{name}'")
-        self._recorded = {
-            name: jax.jit(self._with_tangents(name))
-            for name in DIFFERENTIABLE & lib.manifest.kernels.keys()
-        }
+        names = DIFFERENTIABLE & lib.manifest.kernels.keys()
+        self._recorded = {name: jax.jit(self._with_tangents(name)) for name in names}
 
     def _here(self, _: str, value: Any) -> jax.Array:
         given = isinstance(value, jax.Array)

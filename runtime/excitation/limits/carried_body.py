@@ -168,9 +168,7 @@ class Obstacle:
         vectors = self.center, self.size, self.rpy
         numbers = np.array([x for vector in vectors for x in vector] + [self.radius])
         shaped = all(len(vector) == 3 for vector in vectors)
-        if not (
-            shaped and np.isfinite(numbers).all() and (np.abs(numbers) <= LARGEST_LENGTH).all()
-        ):
+        if not (shaped and (np.abs(numbers) <= LARGEST_LENGTH).all()):  # false for NaN, too
             raise IdentificationError(
                 f"the obstacle '{self.name}' needs center, size and rpy of three finite numbers "
                 f"and a radius, up to {LARGEST_LENGTH:g} m; correct them"

@@ -133,9 +133,8 @@ class DependentLimit:
     def _both(self, values: Array) -> Array:
         """Quantities (…, R) with the sign and in the unit of every row, (…, rows)."""
         up, down = np.isfinite(self.upper), np.isfinite(self.lower)
-        return np.concatenate(
-            [values[..., up] / self.above[up], -values[..., down] / self.below[down]], axis=-1
-        )
+        sides = [values[..., up] / self.above[up], -values[..., down] / self.below[down]]
+        return np.concatenate(sides, axis=-1)
 
 
 def dependent_joints(lib: Library, home: Array) -> tuple[DependentLimit, ...]:

@@ -134,9 +134,8 @@ class Clearance(ABC):
     def along(self, sampled: nonlinear_limits.SampledMotion) -> tuple[Array, Array]:
         """Values, and rates −∂distance/∂q dq."""
         distance, slope = self.distances_and_slopes(sampled.motion[0])
-        return (self.margin - distance) / LENGTH, nonlinear_limits.times(
-            slope, sampled.motion[1]
-        ) / -LENGTH
+        rate = nonlinear_limits.times(slope, sampled.motion[1]) / -LENGTH
+        return (self.margin - distance) / LENGTH, rate
 
     def rise(self, bounds: nonlinear_limits.IntervalBounds) -> Array:
         """Rise by half a step from the nearer end; distances have corners in time."""
@@ -201,9 +200,8 @@ class TableClearance(Clearance):
 
 def body_of(proxy: ProxyFacts) -> nonlinear_limits.Body:
     """A proxy as a body; the axis of a capsule keeps its radius from the surface."""
-    return nonlinear_limits.Body(
-        proxy.joint, float(np.linalg.norm([proxy.start, proxy.end], axis=1).max())
-    )
+    reach = float(np.linalg.norm([proxy.start, proxy.end], axis=1).max())
+    return nonlinear_limits.Body(proxy.joint, reach)
 
 
 def use_of(constraint: nonlinear_limits.Constraint, g: float) -> float:

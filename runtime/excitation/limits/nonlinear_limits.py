@@ -200,9 +200,8 @@ class Braking:
         parts = [
             np.maximum(0, s.sign * dq + s.c) ** 2 / s.k - s.sign * (s.end - q) for s in self.sides
         ]
-        return np.concatenate(
-            [part / self.room(s) for part, s in zip(parts, self.sides, strict=True)], axis=1
-        )
+        shares = [part / self.room(s) for part, s in zip(parts, self.sides, strict=True)]
+        return np.concatenate(shares, axis=1)
 
     def slopes(self, motion: Array) -> Array:
         """Slopes s / room and 2 s max(0, s dq + c) / (k room), each of its own joint."""

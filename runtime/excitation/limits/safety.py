@@ -116,9 +116,8 @@ def unchecked(lib: Library, safety: Safety | None) -> tuple[str, ...]:
         missing.append(TABLE)
     if safety.carried is not None and safety.carried.box is None:
         missing.append(CARRIED)
-    if lib.manifest.springs and any(
-        np.isfinite(limits[key]).any() for key in ("effort", "torque_rate")
-    ):
+    of_torque = (limits[key] for key in ("effort", "torque_rate"))
+    if lib.manifest.springs and any(np.isfinite(limit).any() for limit in of_torque):
         missing.append(SPRINGS)
     return tuple(missing)
 

@@ -245,11 +245,9 @@ class TorqueLimit:
 def _torque(lib: Library, motion: Array, pi: Array, order: int) -> Array:
     """Torque (order 0) or its rate (order 1) of bodies, (N, n)."""
     q, dq, ddq = motion[:3]
-    return (
-        lib.torque_rate(q, dq, ddq, motion[3], pi)
-        if order
-        else lib.inverse_dynamics(q, dq, ddq, pi)
-    )
+    if order:
+        return lib.torque_rate(q, dq, ddq, motion[3], pi)
+    return lib.inverse_dynamics(q, dq, ddq, pi)
 
 
 def _both(share: Array) -> Array:

@@ -313,6 +313,9 @@ class JoinedMotion:
         return replace(self, parts=tuple(part.slowed(speed) for part in self.parts))
 
 
+Motion = Trajectory | JoinedMotion  # one, or several in a row
+
+
 def end_of(trajectory: Trajectory) -> Array:
     """Place at which a motion ends, (n,) [rad, m]."""
     basis, a = trajectory.basis, trajectory.coefficients

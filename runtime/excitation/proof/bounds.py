@@ -76,12 +76,9 @@ def joint_bounds(lib: Library, trajectory: Trajectory) -> tuple[Array, Array]:
     used, back = np.unique(interval, return_inverse=True)
     # Only those are divided into short intervals and evaluated again.
     points = DIVIDED * used[:, None] + np.arange(DIVIDED + 1)  # (U, 21)
-    value, bend = (
-        curve.reshape(len(KINDS), n, *points.shape)[order, joint, back]
-        for curve in _curves(
-            basis.derivatives(_ORDERS, size, step * points.ravel().astype(float)), a
-        )
-    )
+    phi = basis.derivatives(_ORDERS, size, step * points.ravel().astype(float))
+    curves = (curve.reshape(len(KINDS), n, *points.shape) for curve in _curves(phi, a))
+    value, bend = (curve[order, joint, back] for curve in curves)
     bounds = chords.of_rows(order, joint).bounds(value, bend, step**2 / 8, step / 2)
     # The largest bound of every kind and joint; its time is the middle of the interval.
     best, where = np.empty((2, len(KINDS), n))
@@ -410,9 +407,8 @@ def see_proven(peaks: list[Peaks], lib: Library, grid: MotionGrid, end: int) -> 
     ]
     for first, last in _chunks(end if divisions else 0, _CHUNK):
         motion = grid.between(first, last)
-        bounds = IntervalBounds(
-            lib, grid.suprema(motion[:, :-1], motion[:, 1:], grid.step), grid.step
-        )
+        sup = grid.suprema(motion[:, :-1], motion[:, 1:], grid.step)
+        bounds = IntervalBounds(lib, sup, grid.step)
         for each in divisions:
             g = each.constraint.values(motion[:4])
             each.see(g[:-1], g[1:], each.constraint.rise(bounds), np.arange(first, last))

@@ -14,7 +14,7 @@ from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.dependent_joints import KINDS as DEPENDENT
 from runtime.excitation.limits.distance_limits import use_of
 from runtime.excitation.limits.safety import Safety, unchecked, unstated
-from runtime.excitation.motion.trajectory import JoinedMotion, Trajectory
+from runtime.excitation.motion.trajectory import Motion, Trajectory
 from runtime.excitation.proof.bounds import (
     KINDS,
     constraint_bounds,
@@ -112,11 +112,9 @@ def certificate_of(
     limits, (up, down) = lib.limits(), rooms(lib, trajectory.home)
     uses, unlimited = [], []
     for order, kind in enumerate(KINDS):
-        free = (
-            ~np.isfinite(limits[kind])
-            if order
-            else np.isinf(limits["lower"]) & np.isinf(limits["upper"])
-        )
+        free = np.isinf(limits["lower"]) & np.isinf(limits["upper"])
+        if order:
+            free = ~np.isfinite(limits[kind])
         if free.any():
             unlimited.append(f"{kind} of {', '.join(np.array(lib.joint_names)[free])}")
         if not free.all():
@@ -160,7 +158,7 @@ class CertifiedMotion:
     """A trajectory of a robot and the certificate of its limits, which need not hold."""
 
     lib: Library  # the robot
-    trajectory: Trajectory | JoinedMotion  # its motion, one or several in a row
+    trajectory: Motion  # its motion, one or several in a row
     safety: Safety | None  # limits beyond those of the joints; None where only those were checked
     certificate: Certificate  # of this trajectory under these limits
 
@@ -181,24 +179,18 @@ class CertifiedMotion:
             for use in self.certificate.broken
         )
         percent = 100 * fastest(self)
-        advice = (
-            f"add --speed {percent:.0f}, at which they are kept"
-            if percent >= 1
-            else "design another motion"
-        )
+        advice = "design another motion"
+        if percent >= 1:
+            advice = f"add --speed {percent:.0f}, at which they are kept"
         raise ExportError(f"nothing is exported, the motion exceeds limits: {broken}; {advice}")
 
 
-def certified(
-    lib: Library, trajectory: Trajectory | JoinedMotion, safety: Safety | None = None
-) -> CertifiedMotion:
+def certified(lib: Library, trajectory: Motion, safety: Safety | None = None) -> CertifiedMotion:
     """A motion with its certificate, computed here and nowhere else."""
     return CertifiedMotion(lib, trajectory, safety, _certificate(lib, trajectory, safety))
 
 
-def _certificate(
-    lib: Library, trajectory: Trajectory | JoinedMotion, safety: Safety | None
-) -> Certificate:
+def _certificate(lib: Library, trajectory: Motion, safety: Safety | None) -> Certificate:
     """Certificate of a motion; of several in a row the largest use of every limit."""
     parts = [certificate_of(lib, part, safety) for part in trajectory.parts]
     later = [

@@ -89,9 +89,8 @@ def unseen_torque(lib: Library, home: Array) -> Array:
 def unseen_rows(lib: Library, home: Array) -> Array:
     """Base regressor (N, n, n_b) of all samples of unseen motions."""
     t = unseen_times()
-    return np.concatenate(
-        [lib.base_regressor(*motion.at(lib, t)[:3]) for motion in unseen_motions(lib, home)]
-    )
+    rows = [lib.base_regressor(*motion.at(lib, t)[:3]) for motion in unseen_motions(lib, home)]
+    return np.concatenate(rows)
 
 
 def unseen_joints(lib: Library, home: Array) -> Array:

@@ -53,13 +53,6 @@ SAFE_PATH = "PYTHONSAFEPATH"  # environment variable of `python -P`
 _here: list[Search] = []  # search of a worker process, which loads its library once
 
 
-def in_turn(search: Search, rounds: Rounds) -> Generator[Started, None, None]:
-    """Do the tasks in order."""
-    for tasks in rounds:
-        for task in tasks:
-            yield _done(search, task)
-
-
 def side_by_side(sent: Sent, rounds: Rounds, processes: int) -> Generator[Started, None, None]:
     """Do the tasks of every round on several processes, in the order in which they end.
 
@@ -296,17 +289,16 @@ def excite(
 
 
 def _started(
-    search: Search, tasks: Rounds, processes: int, scheduler: str | None
+    search: Search, rounds: Rounds, processes: int, scheduler: str | None
 ) -> Generator[Started, None, None]:
     if processes == 1 and scheduler is None:
-        return in_turn(search, tasks)
+        return (_done(search, task) for tasks in rounds for task in tasks)
     # On a worker the working directory may be another one.
     sent = search.lib.folder.resolve(), search.lib.level, search.settings
     if scheduler is not None:
-        return on_cluster(
-            partial(_search_of, sent), _done, tasks, scheduler, "a start of the search"
-        )
-    return side_by_side(sent, tasks, processes)
+        prepare = partial(_search_of, sent)
+        return on_cluster(prepare, _done, rounds, scheduler, "a start of the search")
+    return side_by_side(sent, rounds, processes)
 
 
 def _best(search: Search, ended: Ended) -> Finished:
@@ -376,9 +368,8 @@ def design_several(
         )
     designs: list[Design] = []
     for k in range(count):
-        one = replace(
-            settings, duration=settings.duration / count, seed=settings.seed + k, information=known
-        )
+        duration = settings.duration / count
+        one = replace(settings, duration=duration, seed=settings.seed + k, information=known)
         designs.append(design(lib, one, **search))
         known = with_motion(lib, designs[-1].trajectory, known)
     return tuple(designs)

@@ -153,9 +153,8 @@ class NoiseSpectrum:
         """w(f) of every joint, (F, n)."""
         weight = np.ones((len(frequency), 1))
         if len(self.frequency):
-            weight = np.stack(
-                [np.interp(frequency, self.frequency, one) for one in self.density.T], axis=1
-            )
+            densities = [np.interp(frequency, self.frequency, one) for one in self.density.T]
+            weight = np.stack(densities, axis=1)
             weight = 1 / np.sqrt(weight)
         if self.cutoff_hz is not None:
             weight = weight / (1 + (frequency / self.cutoff_hz) ** (2 * ORDER))[:, None]
@@ -208,21 +207,18 @@ def information(
 ) -> Information:
     """Information with its numbers checked."""
     sigma = np.asarray(noise, dtype=float)
-    if sigma.shape not in {(), (1,), (lib.n_joints,)} or not (
-        np.isfinite(sigma).all() and (sigma > 0).all()
-    ):
+    possible = np.isfinite(sigma).all() and (sigma > 0).all()
+    if sigma.shape not in {(), (1,), (lib.n_joints,)} or not possible:
         raise IdentificationError(
             f"expected a torque noise above 0 N·m, one number or {lib.n_joints} of them, got "
             f"{np.array2string(sigma, separator=', ')}; {NOISE} is usual"
         )
     if not (np.isfinite(rate) and rate > 0):
         raise IdentificationError(f"expected a sampling rate above 0 Hz, got {rate:g}")
-    n_base = len(lib.base_columns)
-    if earlier is not None and (
-        earlier.shape != (n_base, n_base) or not np.isfinite(earlier).all()
-    ):
+    shape = (len(lib.base_columns),) * 2
+    if earlier is not None and (earlier.shape != shape or not np.isfinite(earlier).all()):
         raise IdentificationError(
-            f"expected information of earlier logs of shape ({n_base}, {n_base}), finite, "
+            f"expected information of earlier logs of shape {shape}, finite, "
             f"got {earlier.shape}; make it from logs of this robot"
         )
     columns = lib.base_matrix[:, -10:] if payload else None

@@ -253,11 +253,9 @@ class _Model:
         # The second order through the eigenvalues outside the clusters (Overton).
         curvature += bending(upper, at, high, first, at.values[-1])
         curvature += bending(lower, at, low, second, at.values[0])
-        return cls(
-            _convex(curvature),
-            _End(at.vectors[:, high], at.values[high] / at.values[-1], upper[:, :, high]),
-            _End(at.vectors[:, low], at.values[low] / at.values[0], lower[:, :, low]),
-        )
+        top = _End(at.vectors[:, high], at.values[high] / at.values[-1], upper[:, :, high])
+        bottom = _End(at.vectors[:, low], at.values[low] / at.values[0], lower[:, :, low])
+        return cls(_convex(curvature), top, bottom)
 
     def step(
         self, x: Array, rows: conic.LinearRows, radius: float, curved: conic.Curved | None = None
@@ -273,11 +271,8 @@ class _Model:
         # The programme's value is twice that of log cond, half of log λ_max/λ_min.
         linear[p:] = (1.0, -2.0) if curved is None else (1.0, -2.0, 2 * conic.MU)
         box = np.hstack([np.vstack([np.eye(p), -np.eye(p)]), np.zeros((2 * p, size - p))])
-        fixed = [
-            conic.ConeBlock(box, np.full(2 * p, radius)),
-            self.upper.block(1.0, p, size),
-            self.lower.block(-1.0, p + 1, size),
-        ]
+        region = conic.ConeBlock(box, np.full(2 * p, radius))
+        fixed = [region, self.upper.block(1.0, p, size), self.lower.block(-1.0, p + 1, size)]
 
         def programme(a: Array, slack: Array) -> tuple[Array, list[Array]] | None:
             limits = conic.ConeBlock(np.hstack([a, np.zeros((len(a), size - p))]), slack)

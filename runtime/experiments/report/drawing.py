@@ -5,7 +5,7 @@ which the filter of the page hides them.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ import numpy as np
 from markupsafe import Markup
 
 from runtime.experiments.report.labels import DOCUMENT, case_name, curve_name, method_name
-from runtime.experiments.report.reading import Experiment, MetricKey, Value
+from runtime.experiments.report.reading import Experiment, Value, Values
 from runtime.experiments.study import View
 from runtime.library import Array
 from runtime.outputs.report import canvas
@@ -219,9 +219,8 @@ def _bars(figure: "Figure", experiment: Experiment, view: View) -> None:
             )
             for bar in drawn:
                 bar.set_gid(f"{canvas.OWNER}{owner}")
-        axis.set_xticks(
-            range(len(view.metrics)), [f"joint {m.rpartition('_')[2]}" for m in view.metrics]
-        )
+        joints = [f"joint {m.rpartition('_')[2]}" for m in view.metrics]
+        axis.set_xticks(range(len(view.metrics)), joints)
         axis.grid(visible=False, axis="x")
         axis.set_title(experiment.cases.get(case, case_name(case)))
         axis.set_ylabel(view.axes[1] or "%")
@@ -229,9 +228,7 @@ def _bars(figure: "Figure", experiment: Experiment, view: View) -> None:
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=columns)
 
 
-def _heights(
-    known: Mapping[MetricKey, Value], case: str, method: str, metrics: tuple[str, ...]
-) -> Array:
+def _heights(known: Values, case: str, method: str, metrics: tuple[str, ...]) -> Array:
     values = [known.get((case, method, metric), Value(math.nan)).mean for metric in metrics]
     return np.array(values, dtype=float)
 

@@ -161,9 +161,8 @@ def _table(columns: list[Column], rows: list[tuple[str, ...]]) -> Table:
 def _turned(table: Table) -> Table:
     """Transposed table with a row per method, which can be sorted by any metric."""
     lines = tuple(zip(table.header, *table.rows, strict=True))
-    return Table(
-        ("method", *lines[0][1:]), lines[1:], kind=table.kind, row_methods=table.column_methods[1:]
-    )
+    header = ("method", *lines[0][1:])
+    return Table(header, lines[1:], kind=table.kind, row_methods=table.column_methods[1:])
 
 
 def _head(column: Column, of_document: set[str]) -> str:

@@ -86,6 +86,7 @@ class Value:
 
 
 MetricKey = tuple[str, str, str]  # case, method, metric
+Values = Mapping[MetricKey, Value]
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,8 +102,8 @@ class Experiment:
     methods: Mapping[str, str]
     views: tuple[View, ...]
     series: Mapping[str, Array]
-    values: Mapping[MetricKey, Value]
-    document: Mapping[str, Mapping[MetricKey, Value]]  # numbers of the document by id, then by key
+    values: Values
+    document: Mapping[str, Values]  # numbers of the document by id, then by key
     source: Mapping[str, str]  # their table or figure in the document, by id
     facts: Mapping[str, Any]
     provenance: tuple[tuple[str, str], ...]  # (quantity, value) pairs
@@ -225,9 +226,8 @@ def _experiment(raw: Mapping[str, Any], series: dict[str, Array]) -> Experiment:
     }
     document: dict[str, dict[MetricKey, Value]] = {}
     for e in raw["document"]:
-        document.setdefault(e["id"], {})[_key(e)] = Value(
-            e["mean"], e["std"], misprint=str(e.get("misprint", ""))
-        )
+        misprint = str(e.get("misprint", ""))
+        document.setdefault(e["id"], {})[_key(e)] = Value(e["mean"], e["std"], misprint=misprint)
     views = tuple(_view(entry, series) for entry in raw["views"])
     views = tuple(_with_document(view, views, document) for view in views)
     return Experiment(
@@ -260,9 +260,7 @@ def _view(raw: Mapping[str, Any], series: Mapping[str, Array]) -> View:
     return view
 
 
-def _with_document(
-    view: View, views: tuple[View, ...], document: Mapping[str, Mapping[MetricKey, Value]]
-) -> View:
+def _with_document(view: View, views: tuple[View, ...], document: Mapping[str, Values]) -> View:
     """Add to bars the document numbers of the first table with the same cases and metrics."""
     if view.kind != "bars" or view.document in document:
         return view

@@ -67,9 +67,8 @@ def _prepare(lib: Library, config: BenchConfig, needed: study.Arrays) -> BenchSe
                 samples_of(prepared(log_of(lib, needed, logs, r), PREPARATION, terms, lib=lib), lib)
                 for r in trials.ROLES
             )
-            truth = trials.scorer_of(
-                lib, test, np.array(needed[f"{logs}/pi"]), config.configurations
-            )
+            pi = np.array(needed[f"{logs}/pi"])
+            truth = trials.scorer_of(lib, test, pi, config.configurations)
             parts[case, name] = Part(train, held, truth)
     return BenchSetup(lib, config, lib.lam_from_pi(trials.document_robot(lib)), parts, needed)
 

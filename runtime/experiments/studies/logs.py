@@ -92,9 +92,8 @@ def _run(setup: LogsSetup, numbers: range, threads: int) -> list[Row]:
         row: Row = {"case": case, "method": role, "trial": number}
         row |= trials.per_joint("measured_rms", trials.torque_rms(measured[-1]))
         row |= {"saturated": float(log.truth.saturated.max())}
-        rows.append(
-            row | {"curve": np.concatenate([log.truth.pi, *map(np.ravel, measured)]).tolist()}
-        )
+        curve = {"curve": np.concatenate([log.truth.pi, *map(np.ravel, measured)]).tolist()}
+        rows.append(row | curve)
     return rows
 
 

@@ -109,10 +109,8 @@ def final_tables(
     """Views of the final results of every case: distances from the truth, torque errors."""
     columns = tuple(case.name for case in cases)
     distances, torques = names
-    return (
-        View(distances, "table", f"{title}: final distances", columns, MAIN),
-        torque_table(torques, title, columns),
-    )
+    final = View(distances, "table", f"{title}: final distances", columns, MAIN)
+    return (final, torque_table(torques, title, columns))
 
 
 def bands(setup: MonteCarloSetup, rows: list[Row]) -> dict[str, Array]:
@@ -179,9 +177,8 @@ BOTH = ("adam", "adam-frozen")  # methods of Fig. 5.4
 
 def _noise_case(sigma: float) -> Case:
     frozen = BOTH[1:] if sigma == SEVERE else ()
-    return Case(
-        f"sigma={sigma:g}", 0.15, sigma, methods=("adam", "adam-zero", "map", "pc-ols", *frozen)
-    )
+    methods = ("adam", "adam-zero", "map", "pc-ols", *frozen)
+    return Case(f"sigma={sigma:g}", 0.15, sigma, methods=methods)
 
 
 NOISE_CASES = {

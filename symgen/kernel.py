@@ -140,8 +140,7 @@ def with_further(kernel: Kernel, values: Callable[[dict[str, Matrix], Matrix], M
     *inputs, further = function.sx_in()
     rows = function.call([*inputs, further])
     names = [a.name for a in kernel.inputs]
-    given = values(dict(zip(names, inputs, strict=True)), further)
-    rows = ca.substitute(rows, [further], [given])
+    rows = ca.substitute(rows, [further], [values(dict(zip(names, inputs, strict=True)), further)])
     outputs = [a.name for a in kernel.outputs]
     complete = ca.Function(kernel.name, inputs, rows, names, outputs, {"cse": True})
     return replace(kernel, function=complete)

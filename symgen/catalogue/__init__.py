@@ -93,15 +93,11 @@ def make_catalogue(chain: Chain, collision: CollisionModel | None = None) -> Cat
     omitted = (_LARGE if chain.is_large else {}) | (_FREE_BASE if chain.floating else {})
     kernels = (*motion_kernels(chain, base, omitted), *body_kernels())
     if not chain.floating:
-        kernels = (
-            *kernels,
-            *trajectory_kernels(chain, base, omitted),
-            *safety_kernels(chain, collision or CollisionModel(), omitted),
-            *proof_kernels(chain),
-            *passive_kernels(chain),
-        )
+        kernels += trajectory_kernels(chain, base, omitted)
+        kernels += safety_kernels(chain, collision or CollisionModel(), omitted)
+        kernels += (*proof_kernels(chain), *passive_kernels(chain))
     elif "torque_derivatives" not in omitted:
-        kernels = (*kernels, torque_derivatives(chain))
-    kernels = (*kernels, *control_kernels(chain, omitted), *loop_kernels(chain))
+        kernels += (torque_derivatives(chain),)
+    kernels += (*control_kernels(chain, omitted), *loop_kernels(chain))
     shipped, dropped = shortened(chain, without_seeds(chain, kernels))
     return Catalogue(shipped, base, omitted | dropped)

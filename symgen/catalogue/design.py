@@ -111,10 +111,8 @@ def _distances(chain: Chain, collision: CollisionModel) -> Kernels:
     (q,), plane = motion.values(), plane_.symbol()
 
     def outputs(distance: Matrix, jacobian: Matrix) -> dict[Argument, Matrix]:
-        return {
-            Argument("distance", (jacobian.shape[0],), "m"): distance,
-            Argument("jacobian", jacobian.shape, "d distance / d q"): jacobian,
-        }
+        slopes = Argument("jacobian", jacobian.shape, "d distance / d q")
+        return {Argument("distance", (jacobian.shape[0],), "m"): distance, slopes: jacobian}
 
     kernels = []
     if collision.pairs:

@@ -21,9 +21,8 @@ def body_kernels() -> Kernels:
     floor_ = Argument("floor", (1,), "1", shared=True)
     slope_ = Argument("slope", (P,), "d cost / d pi")
     theta_ = Argument("theta", (P,), "log-Cholesky")
-    pi, lam, frame, floor, slope, theta = (
-        a.symbol() for a in (pi_, lam_, frame_, floor_, slope_, theta_)
-    )
+    arguments = (pi_, lam_, frame_, floor_, slope_, theta_)
+    pi, lam, frame, floor, slope, theta = (a.symbol() for a in arguments)
     of_lam, of_theta = inertia.pi_from_lam(lam), inertia.pi_from_cholesky(theta)
     pivot, log_det, traces, curvature = inertia.barrier(pi)
     return (
@@ -103,9 +102,8 @@ def loop_kernels(chain: Chain) -> Kernels:
     last_ = Argument("last", (count,), state_unit(chain, 0))
     last = last_.symbol()
     _, margin = loop_equations.seed_values(closed_chain(chain), q)
-    after, after_margin = loop_equations.values_from_last(
-        closed_chain(chain), q, _dependent(chain, last)
-    )
+    d = _dependent(chain, last)
+    after, after_margin = loop_equations.values_from_last(closed_chain(chain), q, d)
     everything = kinematics.all_positions(chain, q)
     rates = kinematics.all_rates(chain, q, dq)
     accelerations = kinematics.all_accelerations(chain, q, dq, ddq)

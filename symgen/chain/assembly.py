@@ -55,8 +55,7 @@ class Tree:
     def rows(self, closures: list[Closure], x: Array) -> tuple[Array, Array]:
         """φ and ∂φ/∂x of all loop joints at x (n,) [rad, m]."""
         data = self.model.createData()
-        positions = self.matrix @ x + self.offset
-        pinocchio.computeJointJacobians(self.model, data, positions)
+        pinocchio.computeJointJacobians(self.model, data, self.matrix @ x + self.offset)
         values, slopes = [], []
         for closure in closures:
             value, slope = _apart(self.model, data, closure)
@@ -115,13 +114,9 @@ def close_loops(
         replace(c, rows=tuple(c.rows[r - at[k]] for r in rows if at[k] <= r < at[k + 1]))
         for k, c in enumerate(closures)
     )
-    return Loops(
-        closed,
-        tuple(independent),
-        tuple(dependent),
-        _blocks([slope[rows][:, dependent] for slope in slopes]),
-        tuple(float(v) for v in np.round(x, _DIGITS) + 0.0),
-    )
+    blocks = _blocks([slope[rows][:, dependent] for slope in slopes])
+    assembly = tuple(float(v) for v in np.round(x, _DIGITS) + 0.0)
+    return Loops(closed, tuple(independent), tuple(dependent), blocks, assembly)
 
 
 def _position(joint: Joint, assembly: dict[str, float]) -> float:
@@ -136,12 +131,9 @@ def _position(joint: Joint, assembly: dict[str, float]) -> float:
 def _closure(model: pinocchio.Model, loop: Loop) -> Closure:
     """The frames of a loop joint with the z axis along that of the joint."""
     turn = pinocchio.Quaternion.FromTwoVectors(np.array([0, 0, 1.0]), np.array(loop.axis))
-    ends = (
-        (loop.parent, loop.parent_xyz, loop.parent_rpy),
-        (loop.child, loop.child_xyz, loop.child_rpy),
-    )
+    parent = (loop.parent, loop.parent_xyz, loop.parent_rpy)
     frames = []
-    for link, xyz, rpy in ends:
+    for link, xyz, rpy in (parent, (loop.child, loop.child_xyz, loop.child_rpy)):
         if not model.existFrame(link, pinocchio.BODY):
             links = [frame.name for frame in model.frames if frame.type == pinocchio.BODY]
             raise UrdfError(
@@ -291,9 +283,8 @@ def _blocks(squares: list[Array]) -> tuple[tuple[tuple[int, ...], tuple[int, ...
 
 def _apart(model: pinocchio.Model, data: pinocchio.Data, closure: Closure) -> tuple[Array, Array]:
     """Six components of the pose of the child's frame in the parent's, and their Jacobian."""
-    (r_a, a, j_a), (r_c, c, j_c) = (
-        _placed(model, data, frame) for frame in (closure.parent, closure.child)
-    )
+    frames = (closure.parent, closure.child)
+    (r_a, a, j_a), (r_c, c, j_c) = (_placed(model, data, frame) for frame in frames)
     if closure.kind in IN_SHARED:
         shared = _shared(model, closure)
         if shared:
@@ -317,9 +308,8 @@ def _apart(model: pinocchio.Model, data: pinocchio.Data, closure: Closure) -> tu
 
 def _shared(model: pinocchio.Model, closure: Closure) -> int:
     """Pinocchio's index of the last joint that moves both links, 0 for the base."""
-    above, below = (
-        set(model.supports[frame.joint + 1]) for frame in (closure.parent, closure.child)
-    )
+    frames = (closure.parent, closure.child)
+    above, below = (set(model.supports[frame.joint + 1]) for frame in frames)
     return int(max(above & below))
 
 

@@ -84,8 +84,8 @@ def read_coupling(
             "independent"
         )
     table = _substituted(joints, by_joint, free)
-    matrix = np.array([[table[name][0].get(m, 0.0) for m in free] for name in joints])
-    offset = np.array([table[name][1] for name in joints])
+    *columns, offset = np.array([table[name] for name in joints]).T
+    matrix = np.stack(columns, axis=1)
     if independent:
         free, matrix, offset = _solved(joints, independent, free, matrix, offset)
     places = tuple(joints.index(name) for name in free)
@@ -123,9 +123,9 @@ def _check_row(row: CouplingRow, joints: tuple[str, ...]) -> None:
 
 def _substituted(
     joints: tuple[str, ...], rows: Mapping[str, CouplingRow], free: tuple[str, ...]
-) -> dict[str, tuple[dict[str, float], float]]:
-    """Joint → its factors of the free joints, and its offset."""
-    table: dict[str, tuple[dict[str, float], float]] = {name: ({name: 1.0}, 0.0) for name in free}
+) -> dict[str, np.ndarray]:
+    """Joint → its factors of the free joints, then its offset, (n + 1,)."""
+    table = dict(zip(free, np.eye(len(free), len(free) + 1), strict=True))
     pending = [name for name in joints if name in rows]
     while pending:
         ready = [name for name in pending if all(m in table for m in rows[name].of)]
@@ -135,13 +135,8 @@ def _substituted(
                 "independent"
             )
         for name in ready:
-            factors: dict[str, float] = {}
-            offset = rows[name].offset
-            for master, factor in rows[name].of.items():
-                for source, inner in table[master][0].items():
-                    factors[source] = factors.get(source, 0.0) + factor * inner
-                offset += factor * table[master][1]
-            table[name] = (factors, offset)
+            alone = np.append(np.zeros(len(free)), rows[name].offset)
+            table[name] = sum((f * table[m] for m, f in rows[name].of.items()), alone)
         pending = [name for name in pending if name not in table]
     return table
 

@@ -62,9 +62,8 @@ def robot_from_rows(table: dict[str, Any], where: str) -> tuple[str, Mechanism]:
             "and joint or of; it has none"
         )
     rest = {key: value for key, value in table.items() if key not in {"link", "name"}}
-    stated = record_from_table(
-        Robot, {key: value for key, value in table.items() if key not in rest}, where, UrdfError
-    )
+    robot_table = {key: value for key, value in table.items() if key not in rest}
+    stated = record_from_table(Robot, robot_table, where, UrdfError)
     robot = Element("robot", {"name": stated.name})
     links = [stated.link[0].parent or "base"]
     SubElement(robot, "link", {"name": links[0]})

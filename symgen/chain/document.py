@@ -149,9 +149,8 @@ def origin(element: Element, owner: str) -> tuple[np.ndarray, np.ndarray]:
     if node is None:
         return np.eye(3), np.zeros(3)
     rpy = numbers(node.get("rpy", "0 0 0"), 3, f"{owner}: origin rpy")
-    return pinocchio.rpy.rpyToMatrix(*rpy), numbers(
-        node.get("xyz", "0 0 0"), 3, f"{owner}: origin xyz"
-    )
+    xyz = numbers(node.get("xyz", "0 0 0"), 3, f"{owner}: origin xyz")
+    return pinocchio.rpy.rpyToMatrix(*rpy), xyz
 
 
 def axis_of(joint: Element, owner: str) -> np.ndarray:

@@ -98,8 +98,7 @@ _POINTS = ("parent", "child", "parent_xyz", "child_xyz")
 
 def mechanism_from_table(table: dict[str, Any], where: str) -> Mechanism:
     """Return the mechanism of a parsed TOML table."""
-    written = _written_out(table, where)
-    mechanism = record_from_table(Mechanism, written, where, UrdfError)
+    mechanism = record_from_table(Mechanism, _written_out(table, where), where, UrdfError)
     for spring in mechanism.spring:
         _check_spring(spring, f"{where}: [[spring]]")
     if len({spring.name for spring in mechanism.spring}) < len(mechanism.spring):

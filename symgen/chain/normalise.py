@@ -174,9 +174,8 @@ def _cut(document: Document, options: ChainOptions) -> tuple[str, ...]:
                 f"--tip {tip} is not reached from --base {base}; choose a link beyond the base"
             )
         on_path = {base, *(document.child_link(j) for j in document.path(tip))} & keep
-        keep = set(on_path)
-        for link in on_path - {tip}:  # with brackets and cameras off the path
-            keep |= set(document.fixed_to(link, on_path))
+        # With brackets and cameras off the path.
+        keep = on_path.union(*(document.fixed_to(link, on_path) for link in on_path - {tip}))
     removed = set(document.links) - keep
     document.remove(removed)
     document.root_link = base

@@ -62,13 +62,8 @@ def inspect_command(given: InspectSettings) -> None:
 
     Exit code: 0 no findings, 1 errors (with --strict also warnings), 2 unreadable file.
     """
-    inspection = inspect_file(
-        given.model,
-        tuple(given.package_dir or ()),
-        True,
-        read_arguments(given.arg or []),
-        given.robot_model,
-    )
+    packages, arguments = tuple(given.package_dir or ()), read_arguments(given.arg or [])
+    inspection = inspect_file(given.model, packages, True, arguments, given.robot_model)
     result: dict[str, Any] = facts(inspection)
     if not given.as_json:
         _show(inspection)

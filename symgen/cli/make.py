@@ -163,17 +163,10 @@ def build_command(given: BuildSettings) -> None:
         if options != ChainOptions() or name:
             request = changed_request(request, name, options)
     else:
-        options = replace(
-            options,
-            masses=read_masses(given.masses) if given.masses else {},
-            mechanism=read_mechanism(given.mechanism),
-        )
-        source = Source(
-            urdf,
-            common.read_arguments(given.arg or []),
-            Packages(tuple(given.package or ())),
-            given.model,
-        )
+        masses = read_masses(given.masses) if given.masses else {}
+        options = replace(options, masses=masses, mechanism=read_mechanism(given.mechanism))
+        arguments = common.read_arguments(given.arg or [])
+        source = Source(urdf, arguments, Packages(tuple(given.package or ())), given.model)
         request = request_from_urdf(
             source, name, options, given.project, given.config, given.densities
         )
@@ -297,10 +290,8 @@ def request_from_urdf(
     if densities is not None:
         folder = source.packages.file(source.path).parent
         text, links = with_mesh_bodies(text, folder, read_densities(densities), source.packages)
-        say(
-            f"note: mass and inertia of {', '.join(links)} from their meshes by the setting "
-            f"densities"
-        )
+        listed = ", ".join(links)
+        say(f"note: mass and inertia of {listed} from their meshes by the setting densities")
     options = with_springs_of_file(text, options, mechanism, lambda note: say(f"note: {note}"))
     if config is None and not project and (robot := bundled_name(text)) is not None:
         return changed_request(bundled_request(robot), name, options)

@@ -57,10 +57,8 @@ def proxies_command(given: ProxiesSettings) -> None:
         raise BuildError(
             f"the setting margin needs a distance in m, not below 0, got {given.margin:g}"
         )
-    chain = read_chain(
-        urdf_text(given.urdf),
-        ChainOptions(given.base, given.tip, None, common.read_locks(given.lock or [])),
-    )
+    options = ChainOptions(given.base, given.tip, None, common.read_locks(given.lock or []))
+    chain = read_chain(urdf_text(given.urdf), options)
     known = read_config(*given.config) if given.config else RobotConfig()
     with console.status("fitting capsules"):
         geometry = read_geometry(chain, given.package_dir or [])

@@ -176,9 +176,8 @@ def _kernel_table(manifest: dict[str, Any]) -> Table:
         ]
         cells = (kernel["name"], *shapes, kernel["operations"], kernel["equation"])
         rows.append(tuple(map(str, cells)))
-    return Table(
-        ("kernel", "inputs", "outputs", "operations", "equation"), tuple(rows), title="kernels"
-    )
+    head = ("kernel", "inputs", "outputs", "operations", "equation")
+    return Table(head, tuple(rows), title="kernels")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -143,15 +143,13 @@ def _minimised(points: Array, axis: Array) -> Capsule:
         ones = np.ones((len(points), 1))
         return np.hstack([(1 - s)[:, None] * normal, s[:, None] * normal, ones])
 
-    bounds = [(None, None)] * 6 + [(1e-3, None)]
-    constraint = {"type": "ineq", "fun": room, "jac": room_slope}
     answer = minimize(
         cost,
         start,
         jac=True,
         method="SLSQP",
-        bounds=bounds,
-        constraints=[constraint],
+        bounds=[(None, None)] * 6 + [(1e-3, None)],
+        constraints=[{"type": "ineq", "fun": room, "jac": room_slope}],
         options={"maxiter": 100, "ftol": 1e-7},
     )
     # Whatever SLSQP returns, the radius is that of the farthest point: the capsule encloses all.
@@ -162,8 +160,7 @@ def _minimised(points: Array, axis: Array) -> Capsule:
 def _to_segment(points: Array, start: Array, end: Array) -> tuple[Array, Array, Array]:
     """Distance (…), parameter s ∈ [0, 1] (…) and offset (…, 3) of points from a segment."""
     direction = end - start
-    square = max(float(direction @ direction), 1e-30)
-    s = np.clip((points - start) @ direction / square, 0, 1)
+    s = np.clip((points - start) @ direction / max(float(direction @ direction), 1e-30), 0, 1)
     away = points - start - s[..., None] * direction
     return np.linalg.norm(away, axis=-1), s, away
 

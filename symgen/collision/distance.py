@@ -67,8 +67,7 @@ def plane_clearance(
             lowest = lowest + ca.if_else(rise < 0, 1.0, 0.0) * segment.direction
             height = height + ca.fmin(rise, 0.0)
         distances.append(height - offset - proxy.radius)
-        moment = ca.cross(lowest, normal)
-        rows.append(_row(frames, normal, moment, segment.movers, frozenset()))
+        rows.append(_row(frames, normal, ca.cross(lowest, normal), segment.movers, frozenset()))
     return ca.vertcat(*distances), independent_forces(chain, q, ca.vertcat(*rows).T).T
 
 
@@ -128,8 +127,7 @@ def _closest(a: _Segment, b: _Segment) -> tuple[Matrix, Matrix]:
         return _clamped(-ca.dot(a.direction, across) / a.square), 0.0
     along_a, along_b = ca.dot(a.direction, across), ca.dot(b.direction, across)
     both = ca.dot(a.direction, b.direction)
-    least = _PARALLEL * a.square * b.square
-    determinant = ca.fmax(a.square * b.square - both * both, least)
+    determinant = ca.fmax(a.square * b.square - both * both, _PARALLEL * a.square * b.square)
     s = _clamped((both * along_b - along_a * b.square) / determinant)
     t = _clamped((both * s + along_b) / b.square)
     return _clamped((both * t - along_a) / a.square), t

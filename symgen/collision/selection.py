@@ -152,8 +152,7 @@ def poses_of_link(chain: Chain, link: str, postures: Array) -> Array:
         k = 4 * [joint.link for joint in chain.joints].index(link)
         pose = link_poses(chain, q)[k : k + 4, :]
     function = ca.Function("pose", [q], [supplied(chain, ca.densify(ca.vec(pose.T)), q)])
-    rows = np.asarray(function.map(len(postures))(postures.T)).T
-    return rows.reshape(-1, 4, 4)
+    return np.asarray(function.map(len(postures))(postures.T)).T.reshape(-1, 4, 4)
 
 
 def _mesh(triangles: Array) -> coal.BVHModelOBBRSS:

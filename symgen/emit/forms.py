@@ -94,15 +94,9 @@ def _product_program(kernel: Kernel, p: Product, tiles: dict[str, TileProgram]) 
         for joint in p.rows[p.first[link] : p.first[link + 1]]
         for j in range(p.size)
     ]
-    return TileProgram(
-        [],
-        p.links * p.size**2,
-        y.turned,
-        y.turns,
-        [],
-        y.operations + len(p.rows) * per_row,
-        {kernel.outputs[0].name: sorted(entries)},
-    )
+    operations = y.operations + len(p.rows) * per_row
+    filled = {kernel.outputs[0].name: sorted(entries)}
+    return TileProgram([], p.links * p.size**2, y.turned, y.turns, [], operations, filled)
 
 
 def compositions(kernels: KernelsByName) -> list[Kernel]:

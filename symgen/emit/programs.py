@@ -80,8 +80,7 @@ def programs(kernels: Kernels, tiles: Tiles, facts: dict[str, Any]) -> tuple[Pro
     if vectors >= _EXCITATION:
         chosen.append(Program("excitation.c", _excitation(by_name, tiles), ("eigen.h",)))
     if by_name.keys() >= _CLOSED_LOOP and not facts.get("floating"):
-        joints = by_name["bias_forces"].outputs[0].size
-        chosen.append(Program("closed_loop.c", {"joints": joints}))
+        chosen.append(Program("closed_loop.c", {"joints": by_name["bias_forces"].outputs[0].size}))
     if by_name.keys() >= _EXAMPLE and vectors >= _STATISTICS:
         chosen.append(Program("example.c", _example(facts)))
     return tuple(chosen)
@@ -103,8 +102,7 @@ def _statistics(kernels: KernelsByName, tiles: Tiles) -> dict[str, Any]:
     """Tables for the programs that eliminate the rows [Y_b tau]."""
     (output,) = kernels["base_regressor"].outputs
     joints, base = output.shape
-    filled = tiles["base_regressor"].filled[output.name]
-    entries = {divmod(index, base) for index in filled}
+    entries = {divmod(index, base) for index in tiles["base_regressor"].filled[output.name]}
     # One row per joint, with the torque as the last column; George & Heath gives the panels.
     pattern = [[(i, c) in entries for c in range(base)] + [True] for i in range(joints)]
     panels = eliminate(pattern, base)
@@ -116,12 +114,11 @@ def _statistics(kernels: KernelsByName, tiles: Tiles) -> dict[str, Any]:
         rows += p.rows
         columns += p.columns
     per_joint = [[c for c in range(base + 1) if row[c]] for row in pattern]
-    body = tiles["base_regressor"].body
     return {
         "joints": joints,
         "base": base,
         "row_equation": kernels["base_regressor"].equation,
-        "rows_body": [_placed(line, output.name, base) for line in body],
+        "rows_body": [_placed(line, output.name, base) for line in tiles["base_regressor"].body],
         "panels": placed,
         "row_table": rows,
         "column_table": columns,
@@ -214,10 +211,8 @@ def _excitation(kernels: KernelsByName, tiles: Tiles) -> dict[str, Any]:
     (output,) = kernels["base_regressor"].outputs
     joints, columns = output.shape
     program, adjoint = tiles["base_regressor"], tiles["regressor_adjoint"]
-    filled = [
-        sorted(k % columns for k in program.filled[output.name] if k // columns == j)
-        for j in range(joints)
-    ]
+    written = program.filled[output.name]
+    filled = [sorted(k % columns for k in written if k // columns == j) for j in range(joints)]
     blocks = [{c // _SIDE for c in row} for row in filled]
     shared: list[int] = []
     ends: list[int] = []

@@ -11,6 +11,7 @@ as the scheduler of a compiler would.
 """
 
 import re
+from collections import Counter
 from dataclasses import dataclass
 
 import casadi as ca
@@ -268,10 +269,7 @@ def scheduled(statements: list[Statement]) -> list[Statement]:
 
 def _nodes(statements: list[Statement]) -> list[_Node]:
     where = {s.defines: k for k, s in enumerate(statements) if s.defines}
-    users: dict[str, int] = {}
-    for statement in statements:
-        for name in statement.uses:
-            users[name] = users.get(name, 0) + 1
+    users = Counter(name for statement in statements for name in statement.uses)
     # A product that only one sum uses is fused with it (multiply-add): both become one node.
     owner = list(range(len(statements)))
     for k, statement in enumerate(statements):

@@ -180,9 +180,8 @@ def _geometry(body: Body, where: str, extent: Extent | None) -> Iterator[Finding
     if not FOAM < density < OSMIUM:
         k = _fitting(lambda power: density * 10.0**power)
         hint = f", such as the mass times 10^{k}" if k is not None else ""
-        text = (
-            f"{body.mass:g} kg in a volume of {1e3 * extent.volume:.3g} l are {density:.3g} kg/m³"
-        )
+        litres = 1e3 * extent.volume
+        text = f"{body.mass:g} kg in a volume of {litres:.3g} l are {density:.3g} kg/m³"
         wanted = f"expected {FOAM:g} to {OSMIUM:g} kg/m³{hint}"
         yield Finding(WARNING, "density", where, text, wanted)
     low, high = extent.points.min(axis=0), extent.points.max(axis=0)

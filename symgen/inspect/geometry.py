@@ -194,8 +194,7 @@ def _group(model: Model, poses: dict[str, Array], extents: dict[str, Extent | No
         where += f" with what is fixed to it ({len(bodies) - 1} more)"
         parts = [poses[x] @ body.pseudo_inertia @ poses[x].T for x, body in bodies.items()]
         whole = Body.of(np.sum(parts, axis=0))
-    reach = _reach(model, root, poses, bodies)
-    return [Group(where, whole, _extent(model, poses, extents), reach)]
+    return [Group(where, whole, _extent(model, poses, extents), _reach(model, root, poses, bodies))]
 
 
 def _extent(

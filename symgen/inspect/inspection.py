@@ -152,11 +152,8 @@ def _checked(model: Model, text: str | None, meshes: Meshes, with_base: bool) ->
             f"{len(meshes.missing)} mesh file(s) not available or not solid, such as "
             f"'{meshes.missing[0]}': their densities are unknown (see --package-dir)"
         )
-    rows = tuple(
-        _figures(name, body, extents[name])
-        for name, body in model.bodies.items()
-        if not body.is_empty
-    )
+    bodies = model.bodies.items()
+    rows = tuple(_figures(name, body, extents[name]) for name, body in bodies if not body.is_empty)
     return Inspection(model, text, rows, tuple(findings), base, tuple(notes))
 
 

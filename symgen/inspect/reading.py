@@ -128,10 +128,8 @@ class _Reader:
             read = self.numbers(axis_node, "xyz", 3, where, "axis", axis)
             axis = axis if read is None else read
         values: dict[str, Any] = {}
-        for tag, keys in (
-            ("limit", ("lower", "upper", "velocity", "effort")),
-            ("dynamics", ("damping", "friction")),
-        ):
+        limits = ("lower", "upper", "velocity", "effort")
+        for tag, keys in (("limit", limits), ("dynamics", ("damping", "friction"))):
             node = element.find(tag)
             for key in keys:
                 if node is not None and key in node.attrib:

@@ -39,8 +39,7 @@ def with_bodies(text: str, bodies: dict[str, Body]) -> str:
         raise UrdfError(f"link '{missing[0]}' has no <inertial> to replace; add one")
     for name in sorted(bodies, key=lambda name: places[name], reverse=True):
         start, end = places[name]
-        line = data.rfind(b"\n", 0, start) + 1
-        blank = data[line:start].decode()
+        blank = data[data.rfind(b"\n", 0, start) + 1 : start].decode()
         indent = blank if not blank.strip() else ""
         data = data[:start] + _block(bodies[name], indent).encode() + data[end:]
     return data.decode()
@@ -185,8 +184,7 @@ class _Projection:
             s = self._on_equalities(self._cone(0.0), np.vstack([self._masses, self._rows]))
             if s is not None:
                 return s, 0.0, True
-        raw = self._cone((1 + SLACK) * max(smallest, KEPT))
-        s = self._on_equalities(raw, self._masses)
+        s = self._on_equalities(self._cone((1 + SLACK) * max(smallest, KEPT)), self._masses)
         if s is None:
             raise InertiaError(
                 "the projection is not consistent after rounding; first correct inertials that are "
@@ -230,9 +228,8 @@ class _Projection:
         b = [left @ self.start]
         cones: list[object] = [clarabel.ZeroConeT(len(left))]
         for matrix, target, t, head in second:
-            a.append(
-                np.vstack([np.append(zero(size), t), np.hstack([-matrix, zero((len(matrix), 1))])])
-            )
+            parts = [np.append(zero(size), t), np.hstack([-matrix, zero((len(matrix), 1))])]
+            a.append(np.vstack(parts))
             b.append(np.concatenate([[head], -target]))
             cones.append(clarabel.SecondOrderConeT(len(matrix) + 1))
         # s − ε s_ref ⪰ 0 per link, in svec.
@@ -252,9 +249,8 @@ def _solve(cost: Array, a: Array, b: Array, cones: list[object]) -> Array:
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
-    solver = clarabel.DefaultSolver(
-        sparse.csc_matrix((cost.size, cost.size)), cost, sparse.csc_matrix(a), b, cones, settings
-    )
+    quadratic = sparse.csc_matrix((cost.size, cost.size))
+    solver = clarabel.DefaultSolver(quadratic, cost, sparse.csc_matrix(a), b, cones, settings)
     solution = solver.solve()
     status = str(solution.status)
     if status not in {"Solved", "AlmostSolved"}:
@@ -270,8 +266,7 @@ def _nearest(body: Body, floor: float) -> Array:
 
 
 def _whitened(root: Any, pseudo: Array) -> Array:
-    half = np.linalg.solve(root, pseudo)
-    matrix = np.linalg.solve(root, half.T)
+    matrix = np.linalg.solve(root, np.linalg.solve(root, pseudo).T)
     return np.array([matrix[i, j] for i, j in _SVEC]) * _WEIGHT
 
 

@@ -98,19 +98,17 @@ def _fixed(function: Any, known: dict[str, list[float]]) -> Any:
     symbols = dict(zip(function.name_in(), function.sx_in(), strict=True))
     value = function(*(known.get(name, symbol) for name, symbol in symbols.items()))
     free = {name: symbol for name, symbol in symbols.items() if name not in known}
-    entries = [*free.values()]
     return ca.Function(
-        function.name(), entries, [value], [*free], function.name_out(), {"cse": True}
+        function.name(), [*free.values()], [value], [*free], function.name_out(), {"cse": True}
     )
 
 
 def _function(kernel: Kernel) -> Any:
     """A kernel with matrices in place of their rows one after the other."""
     symbols = kernel.function.sx_in()
-    rows = kernel.function.call(symbols)
     results = [
         ca.reshape(row, a.shape[1], a.shape[0]).T if len(a.shape) == 2 else row
-        for a, row in zip(kernel.outputs, rows, strict=True)
+        for a, row in zip(kernel.outputs, kernel.function.call(symbols), strict=True)
     ]
     entries, names = ([a.name for a in side] for side in (kernel.inputs, kernel.outputs))
     return ca.Function(kernel.name, symbols, results, entries, names, {"cse": True})

@@ -140,11 +140,8 @@ def within_couplings(
 ) -> tuple[float, ...]:
     """A home (n,) [rad, m] at which coupled joints have room to both sides."""
     # A joint with one master has already narrowed the range of that one.
-    rows = [
-        k
-        for k in range(len(coupling.matrix))
-        if k in coupling.independent or len(coupling.masters(k)) > 1
-    ]
+    every = range(len(coupling.matrix))
+    rows = [k for k in every if k in coupling.independent or len(coupling.masters(k)) > 1]
     matrix, offset = np.array(coupling.matrix)[rows], np.array(coupling.offset)[rows]
     lower, upper = np.array([chain.single_joints[k].ends() for k in rows]).T
     both = np.isfinite(lower) & np.isfinite(upper)
@@ -165,9 +162,8 @@ def _roomiest(
     rows = np.vstack([np.column_stack([matrix, half])[up], np.column_stack([-matrix, half])[down]])
     ends = np.concatenate([(upper - offset)[up], (offset - lower)[down]])
     n = matrix.shape[1]
-    answer = linprog(
-        np.append(np.zeros(n), -1.0), rows, ends, bounds=[*[(None, None)] * n, (None, _MOST)]
-    )
+    bounds = [*[(None, None)] * n, (None, _MOST)]
+    answer = linprog(np.append(np.zeros(n), -1.0), rows, ends, bounds=bounds)
     if answer.x is None or not answer.x[-1] > 0:
         return None
     return tuple(float(f"{value:.6g}") for value in answer.x[:-1])

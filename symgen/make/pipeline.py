@@ -145,8 +145,7 @@ def write_controller(
     present = [path for end in ("c", "h") if (path := folder / f"{request.name}.{end}").exists()]
     if present and not overwrite:
         raise BuildError(f"'{present[0]}' exists; choose another --out or give --overwrite")
-    draft = _draft(request)
-    files = controller_files(request.name, draft.kernels, kernels, precision, _versions())
+    files = controller_files(request.name, _draft(request).kernels, kernels, precision, _versions())
     with _write_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
         _write_files(folder, files)
@@ -289,12 +288,8 @@ def expected_cost(
     of_level = _PER_LEVEL | (dict.fromkeys(PORTABLE, _FALLBACK) if is_fallback else {})
     pairs = (_ONCE, *(of_level[name] for name in wanted))
     at_once = min(cores or os.cpu_count() or 1, 4)  # of the files four are large
-    return ExpectedCost(
-        operations,
-        sum(fixed + rate * operations for fixed, rate in pairs),
-        expected_memory(operations, at_once),
-        wanted,
-    )
+    cpu_s = sum(fixed + rate * operations for fixed, rate in pairs)
+    return ExpectedCost(operations, cpu_s, expected_memory(operations, at_once), wanted)
 
 
 def expected_memory(operations: int, at_once: int) -> float:

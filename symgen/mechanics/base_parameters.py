@@ -97,8 +97,7 @@ def numeric_base(
     rank = int(falls[0]) + 1
     # Independent columns in the order of the regrouping rules, then W_b K = W by least squares.
     order = sorted(range(len(nonzero)), key=lambda k: _preference(chain, int(nonzero[k])))
-    chosen = _independent(unit, order, rank)
-    columns = tuple(sorted(int(nonzero[k]) for k in chosen))
+    columns = tuple(sorted(int(nonzero[k]) for k in _independent(unit, order, rank)))
     k_nonzero = np.linalg.lstsq(w[:, columns], w[:, nonzero], rcond=None)[0]
     matrix = np.zeros((rank, N_PARAMETERS * links))
     matrix[:, nonzero] = _tidied(np.asarray(k_nonzero, dtype=float))

@@ -56,8 +56,7 @@ def accelerations(chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix) -> Matrix:
     x = _positions(closed, q)
     right = -_directional(closed, x, joined(closed, ddq, None))
     if dq.nnz():
-        v = rates(chain, q, dq)
-        right = right - bends(closed)(x, v)
+        right = right - bends(closed)(x, rates(chain, q, dq))
     return joined(closed, ddq, _solved(closed, q, right))
 
 

@@ -150,8 +150,7 @@ def _scaled(factor: Matrix, series: Series) -> Series:
 
 def _times(x: Series, y: Series) -> Series:
     """Product to the lowest order that both have."""
-    orders = range(min(len(x), len(y)))
-    return [sum(x[i] * y[k - i] for i in range(k + 1)) for k in orders]
+    return [sum(x[i] * y[k - i] for i in range(k + 1)) for k in range(min(len(x), len(y)))]
 
 
 def _rate(series: Series) -> Series:

@@ -70,8 +70,7 @@ def inverse_dynamics(
         a_here = ca.mtimes(back, a if root else a + ca.mtimes(spread[joint.parent], p))
         al_here = ca.mtimes(back, al)
         if joint.kind == "prismatic":  # Coriolis term 2 ω × (axis dq)
-            slide = pose.axis * dq[i]
-            a_here = a_here + pose.axis * ddq[i] + 2 * ca.cross(w_here, slide)
+            a_here = a_here + pose.axis * ddq[i] + 2 * ca.cross(w_here, pose.axis * dq[i])
         elif joint.kind == FLOATING:  # dq and ddq are those of the base, in its axes
             w_here, al_here = dq[i][3:], ddq[i][3:]
             a_here = a_here + ddq[i][:3] + ca.cross(w_here, dq[i][:3])
@@ -263,8 +262,7 @@ def slotine_li_regressor(
 
 def _centrifugal(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
     """c = C(q, dq) dq, Coriolis and centrifugal forces."""
-    still = ca.SX(len(chain.coordinates), 1)
-    return inverse_dynamics(chain, q, dq, still, pi, gravity=False)
+    return inverse_dynamics(chain, q, dq, ca.SX(len(chain.coordinates), 1), pi, gravity=False)
 
 
 def mass_matrix(chain: Chain, q: Matrix, pi: Matrix) -> Matrix:

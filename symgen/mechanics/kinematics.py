@@ -117,8 +117,7 @@ def end_effector(chain: Chain, q: Matrix) -> Matrix:
         translation = pose.translation + ca.mtimes(pose.rotation, translation)
         rotation = ca.mtimes(pose.rotation, rotation)
         index = chain.joints[index].parent
-    bottom = ca.SX(ca.DM([[0, 0, 0, 1]]))
-    return ca.vertcat(ca.horzcat(rotation, translation), bottom)
+    return ca.vertcat(ca.horzcat(rotation, translation), ca.SX(ca.DM([[0, 0, 0, 1]])))
 
 
 def link_poses(chain: Chain, q: Matrix) -> Matrix:

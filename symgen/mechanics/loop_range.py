@@ -51,10 +51,7 @@ def within_loops(chain: Chain) -> Chain:
     for k in moving:
         line = np.repeat(home[None], 2 * _GRID + 1, axis=0)
         steps = np.linspace(0, 1, _GRID + 1)
-        low, high = (
-            home[k] + steps * (ends[k, 0] - home[k]),
-            home[k] + steps * (ends[k, 1] - home[k]),
-        )
+        low, high = (home[k] + steps * (end - home[k]) for end in ends[k])
         line[:, k] = np.concatenate([low[:0:-1], high])
         grids[k] = line[:, k]
         margin, inside, positions = sample(line)

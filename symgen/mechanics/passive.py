@@ -59,8 +59,7 @@ def friction_coordinates(chain: Chain) -> dict[str, tuple[float, ...]]:
             "[[friction]] of a closed chain would depend on the posture; remove it, the columns of "
             "the independent joints remain"
         )
-    for extra in chain.mechanism.friction:
-        named[extra.name] = tuple(_row(chain, extra.of).tolist())
+    named |= {each.name: tuple(_row(chain, each.of)) for each in chain.mechanism.friction}
     rows: dict[str, tuple[float, ...]] = {}
     for name, values in named.items():
         row = np.array(values)

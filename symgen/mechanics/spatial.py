@@ -132,14 +132,9 @@ def symmetric_eigen(matrix: Matrix) -> tuple[Matrix, Matrix]:
     values = [a[i][i] for i in range(3)]
     for i, j in ((0, 1), (1, 2), (0, 1)):  # sort ascending: a network of three comparisons
         swap = values[j] < values[i]
-        values[i], values[j] = (
-            ca.if_else(swap, values[j], values[i]),
-            ca.if_else(swap, values[i], values[j]),
-        )
-        columns[i], columns[j] = (
-            ca.if_else(swap, columns[j], columns[i]),
-            ca.if_else(swap, columns[i], columns[j]),
-        )
+        for each in (values, columns):
+            first, second = ca.if_else(swap, each[j], each[i]), ca.if_else(swap, each[i], each[j])
+            each[i], each[j] = first, second
     first, second = _signed(columns[0]), _signed(columns[1])
     return ca.vertcat(*values), ca.horzcat(first, second, ca.cross(first, second))
 

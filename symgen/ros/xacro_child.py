@@ -181,10 +181,8 @@ def confine(xacro: Any, substitutions: Any, files: Files) -> None:
 
     def evaluated(text: str, context: dict[str, Any]) -> str:
         """Value of $(eval …), whose names are the arguments of the file."""
-        given = {
-            name: substitutions.convert_value(value, "auto")
-            for name, value in context.get("arg", {}).items()
-        }
+        stated = context.get("arg", {}).items()
+        given = {name: substitutions.convert_value(value, "auto") for name, value in stated}
         return str(evaluate(text, given | functions | {"arg": lambda name: given[name]}))
 
     substitutions._eval = evaluated

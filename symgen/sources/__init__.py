@@ -135,8 +135,7 @@ def read_source(
         text, stated = robot_from_mjcf(path, source.model, has_gravity, note)
     elif form == "sdf":
         text, stated = robot_from_sdf(text, source.model, f"'{path}'", has_gravity, note)
-    chosen = None if form in {"mujoco", "sdf"} else source.model
-    text = robot_tree(text, chosen, f"'{path}'", note)
+    text = robot_tree(text, None if form in {"mujoco", "sdf"} else source.model, f"'{path}'", note)
     springs = merged(stated.spring, mechanism.spring) if path.suffix != ".toml" else ()
     if springs:
         stated, mechanism = stated.replace(spring=()), mechanism.replace(spring=())

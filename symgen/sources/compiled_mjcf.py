@@ -61,9 +61,8 @@ class Bodies:
     def is_joint(self, k: int, *kinds: str) -> bool:
         """Whether a joint is of one of these kinds: FREE, BALL, SLIDE, HINGE."""
         types = self.mujoco.mjtJoint
-        return int(self.model.jnt_type[k]) in {
-            int(getattr(types, f"mjJNT_{kind}")) for kind in kinds
-        }
+        kind_of_joint = int(self.model.jnt_type[k])
+        return kind_of_joint in {int(getattr(types, f"mjJNT_{kind}")) for kind in kinds}
 
 
 def compile_mjcf(path: Path, limits: Limits = LIMITS) -> CompiledMjcf:
@@ -78,9 +77,8 @@ def compile_mjcf(path: Path, limits: Limits = LIMITS) -> CompiledMjcf:
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "model.mjb"
         try:
-            answer = answer_of(
-                "symgen.sources.mjcf_child", {"path": str(path), "out": str(out)}, limits
-            )
+            job = {"path": str(path), "out": str(out)}
+            answer = answer_of("symgen.sources.mjcf_child", job, limits)
         except ExceededError as error:
             raise BuildError(
                 f"MuJoCo cannot compile '{path}': it takes more than {error}; remove height "

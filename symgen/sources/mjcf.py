@@ -79,9 +79,8 @@ def robot_of_compiled(
         else:
             loops.append(_loop_of_equality(bodies, k))
     assembly = _assembly_of(bodies, inside) if loops else {}
-    springs = springs_of_mjcf(bodies)
     mechanism = Mechanism(
-        coupling=tuple(rows), spring=springs, loop=tuple(loops), assembly=assembly
+        coupling=tuple(rows), spring=springs_of_mjcf(bodies), loop=tuple(loops), assembly=assembly
     )
     return tostring(robot, "unicode") + "\n", mechanism
 
@@ -255,9 +254,8 @@ def _tendon_coupling(bodies: Bodies, k: int, dependent: set[str]) -> CouplingRow
             "free; remove it"
         )
     factor = factors.pop(free[-1])
-    return CouplingRow(
-        free[-1], {key: -f / factor for key, f in factors.items() if f}, total / factor
-    )
+    others = {key: -f / factor for key, f in factors.items() if f}
+    return CouplingRow(free[-1], others, total / factor)
 
 
 def _loop_of_equality(bodies: Bodies, k: int) -> Loop:

@@ -37,10 +37,9 @@ def _compile(job: dict[str, Any]) -> dict[str, Any]:
                 "are those that the file states"
             )
     except Exception as error:
-        bodies = [_body(body) for body in spec.bodies[1:]]
         return answer | {
             "reason": _line(error),
-            "bodies": bodies,
+            "bodies": [_body(body) for body in spec.bodies[1:]],
             "joints": [_joint(joint) for joint in spec.joints],
         }
     mujoco.mj_saveModel(model, job["out"], None)

@@ -23,6 +23,7 @@ from symgen.errors import BuildError
 from symgen.sources.springs import spring_of_sdf
 
 _MODEL = "__model__"
+Places = dict[str, pinocchio.SE3]  # link → pose of its frame in the model
 
 
 class Frames:
@@ -44,10 +45,8 @@ class Frames:
                         f"{where}: expected a <{tag}> with a name of its own, got '{name}'"
                     )
                 self._elements[name] = element
-                self._default[name] = {
-                    "link": _MODEL,
-                    "frame": element.get("attached_to") or _MODEL,
-                }.get(tag, (element.findtext("child") or "").strip())
+                placed = {"link": _MODEL, "frame": element.get("attached_to") or _MODEL}
+                self._default[name] = placed.get(tag, (element.findtext("child") or "").strip())
 
     def of(self, name: str, pending: tuple[str, ...] = ()) -> pinocchio.SE3:
         """Pose of a frame in the model."""
@@ -75,8 +74,7 @@ class Frames:
         text = "0 0 1" if node is None or not node.text else node.text
         direction = numbers(text, 3, f"joint '{name}': axis xyz")
         frame = "" if node is None else node.get("expressed_in", "")
-        old = (joint.findtext("axis/use_parent_model_frame") or "").strip()
-        if old in {"1", "true"}:
+        if (joint.findtext("axis/use_parent_model_frame") or "").strip() in {"1", "true"}:
             frame = _MODEL
         if not frame:
             return direction
@@ -205,12 +203,7 @@ def _add_inertial(element: Element, inertial: Element, link: pinocchio.SE3, name
 
 
 def _add_joint(
-    robot: Element,
-    joint: Element,
-    parent: str,
-    child: str,
-    places: dict[str, pinocchio.SE3],
-    frames: Frames,
+    robot: Element, joint: Element, parent: str, child: str, places: Places, frames: Frames
 ) -> None:
     name, kind = joint.get("name", ""), joint.get("type", "")
     if kind != "fixed" and kind not in _TREE:
@@ -252,7 +245,7 @@ def _mimic(joint: Element) -> list[CouplingRow]:
     return [CouplingRow(name, {leader: factor}, offset - factor * reference)]
 
 
-def _loop(joint: Element, places: dict[str, pinocchio.SE3], frames: Frames, where: str) -> Loop:
+def _loop(joint: Element, places: Places, frames: Frames, where: str) -> Loop:
     name = joint.get("name", "")
     kind = _LOOPS.get(joint.get("type", ""), joint.get("type", ""))
     if kind not in _KINDS:

@@ -87,9 +87,8 @@ def with_springs_of_file(
     kept, left = [], []
     for spring in of_file:
         locked = set() if joints is None else spring.of.keys() - joints
-        if joints is None or (
-            spring.of and (locked == spring.of.keys() or not locked <= options.locks.keys())
-        ):
+        is_idle = locked == spring.of.keys() or not locked <= options.locks.keys()
+        if joints is None or (spring.of and is_idle):
             left.append(spring.name)
             continue
         moved = sum(spring.of[name] * options.locks[name] for name in sorted(locked))

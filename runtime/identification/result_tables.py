@@ -131,7 +131,6 @@ def _of_method(row: Mapping[str, Any]) -> tuple[str, ...]:
         return (str(row["method"]), *(NOTHING,) * 8, str(row["outcome"]))
     worst = int(np.argmax(row["rms"]))
     base, gap = row["base_error_percent"], row["gap_to_convex_optimum"]
-    verdict = "consistent" if row["consistent"] else "inconsistent"
     return (
         str(row["method"]),
         f"{row['train_percent']:.3f}",
@@ -142,5 +141,5 @@ def _of_method(row: Mapping[str, Any]) -> tuple[str, ...]:
         NOTHING if row["iterations"] is None else str(row["iterations"]),
         f"{row['smallest_relative_eigenvalue']:.1e}",
         NOTHING if gap is None else f"{100 * gap:.3g}",
-        "boundary" if row["boundary"] else verdict,
+        "boundary" if row["boundary"] else "consistent" if row["consistent"] else "inconsistent",
     )

@@ -139,8 +139,7 @@ def linear(rows: Array) -> tuple[Array, Array]:
 
 def _rest(rows: Array, theta: Array, g: Array, alone: Mask) -> Array:
     """τᵐ − g (X θ + y), (n, rows); θ contains g where `alone`."""
-    scaled = theta * np.where(alone, 1.0, g[:, None])
-    fitted = (rows[:, :, :-2] @ scaled[:, :, None])[:, :, 0]
+    fitted = (rows[:, :, :-2] @ (theta * np.where(alone, 1.0, g[:, None]))[:, :, None])[:, :, 0]
     return np.asarray(rows[:, :, -1] - g[:, None] * rows[:, :, -2] - fitted)
 
 
@@ -212,24 +211,6 @@ def problem_of(
             f"the payload is given in the frame of '{payload.frame}', but expected in that of "
             f"'{mount.frame}' for a payload on '{mount.link}'; name the link that carries it"
         )
-    _require_two_runs(empty, loaded)
-    terms = friction or Friction(("viscous", "coulomb"))
-    terms = replace(terms, columns=tuple(name for name in terms.columns if name != OFFSET.name))
-    runs = []
-    for run in (empty, loaded):
-        require_plausible(run, lib)
-        bare = of_gain_one(run).replace(columns=None, column_names=())
-        runs.append(samples_of(prepare(bare, preparation, geared(terms, run, lib), lib=lib), lib))
-        if len(runs[-1]) < FEWEST_ROWS:
-            raise IdentificationError(
-                f"expected {FEWEST_ROWS} samples or more of '{run.name}' after its preparation, "
-                f"got {len(runs[-1])}; record for longer"
-            )
-    return GainProblem(lib, tuple(runs), mount, payload, *channels_of(empty, lib))
-
-
-def _require_two_runs(empty: Recording, loaded: Recording) -> None:
-    """Refuse two recordings that are equal, of different robots or read differently."""
     names = empty.joint_names, loaded.joint_names
     if empty.n_joints != loaded.n_joints or (all(names) and names[0] != names[1]):
         robots = [
@@ -250,6 +231,19 @@ def _require_two_runs(empty: Recording, loaded: Recording) -> None:
             f"'{empty.name}' and '{loaded.name}' were read with different units, gains, signs or "
             "gears of torque; read both with one recipe"
         )
+    terms = friction or Friction(("viscous", "coulomb"))
+    terms = replace(terms, columns=tuple(name for name in terms.columns if name != OFFSET.name))
+    runs = []
+    for run in (empty, loaded):
+        require_plausible(run, lib)
+        bare = of_gain_one(run).replace(columns=None, column_names=())
+        runs.append(samples_of(prepare(bare, preparation, geared(terms, run, lib), lib=lib), lib))
+        if len(runs[-1]) < FEWEST_ROWS:
+            raise IdentificationError(
+                f"expected {FEWEST_ROWS} samples or more of '{run.name}' after its preparation, "
+                f"got {len(runs[-1])}; record for longer"
+            )
+    return GainProblem(lib, tuple(runs), mount, payload, *channels_of(empty, lib))
 
 
 def _same(one: Array | None, other: Array | None) -> bool:
@@ -380,8 +374,7 @@ def _root(problem: GainProblem, solution: GainSolution, coloured: ColouredNoise)
 
 def _gains(problem: GainProblem, solution: GainSolution, coloured: ColouredNoise) -> Gains:
     n, names = len(solution.g), problem.channels
-    root = _root(problem, solution, coloured)
-    p = len(solution.theta)
+    root, p = _root(problem, solution, coloured), len(solution.theta)
     of_gains, of_offsets = root[p : p + n], root[p + n :].reshape(len(RUNS), n, -1)
     covariance = of_gains @ of_gains.T
     share = np.sqrt(np.diagonal(covariance)) / np.maximum(np.abs(solution.g), np.finfo(float).tiny)
@@ -421,8 +414,7 @@ def _gains(problem: GainProblem, solution: GainSolution, coloured: ColouredNoise
 def _notes(
     problem: GainProblem, g: Array, covariance: Array, share: Array, is_determined: Mask
 ) -> tuple[str, ...]:
-    notes = []
-    weak = np.flatnonzero(~is_determined)
+    notes, weak = [], np.flatnonzero(~is_determined)
     if unsure := [f"{problem.channels[j]} ({_percent(share[j])})" for j in weak]:
         notes.append(
             f"the payload causes too little torque to determine the gain of {', '.join(unsure)}, "

@@ -217,8 +217,7 @@ def friction_of(recording: Recording, settings: Settings) -> Friction | None:
     default = default_terms(recording)
     if names is None and speed is None:
         return default
-    written = recording.recipe.friction if recording.recipe else None
-    known = written or Friction(columns=())
+    known = (recording.recipe and recording.recipe.friction) or Friction(columns=())
     columns, width = (default or known).columns, known.coulomb_speed if speed is None else speed
     if names is not None:
         listed = tuple(names.split(",")) if isinstance(names, str) else tuple(names)

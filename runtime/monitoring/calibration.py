@@ -76,8 +76,7 @@ class Tail:
     def level(self, rate: float) -> float:
         """Level that peaks exceed at a stated rate."""
         rarity = max((len(self.peaks) - 1) / (rate * self.seconds), 1.0)
-        excess = self.scale * boxcox(rarity, self.shape)
-        return float(np.sqrt(self.peaks[-1] ** 2 + excess))
+        return float(np.sqrt(self.peaks[-1] ** 2 + self.scale * boxcox(rarity, self.shape)))
 
 
 def peaks_of(s: Array, rate_hz: float) -> Array:
@@ -86,8 +85,7 @@ def peaks_of(s: Array, rate_hz: float) -> Array:
     From the largest one downwards, a peak takes with it all samples until s has fallen below half
     of it, and those within the shortest pause of two contacts.
     """
-    s = np.nan_to_num(s, nan=0.0)
-    pause = max(round(PAUSE_S * rate_hz), 1)
+    s, pause = np.nan_to_num(s, nan=0.0), max(round(PAUSE_S * rate_hz), 1)
     inner = (s[1:-1] >= s[:-2]) & (s[1:-1] > s[2:]) & (s[1:-1] > max(np.quantile(s, HIGH), 0.0))
     places, is_free = np.flatnonzero(inner) + 1, np.ones(len(s), dtype=bool)
     peaks: list[tuple[float, float]] = []

@@ -70,9 +70,8 @@ class MonitoredModel:
         over_p, over_s = lib.momentum_regressor(np.asarray(motion.q), motion.dq)
         sign = np.tanh(motion.dq / self.terms.coulomb_speed)
         rotors, columns = self.columns(replace(motion, zeta=sign))
-        spread_p = spread(rotors, self.coupling)
         return (
-            np.concatenate([over_p, spread_p], axis=2),
+            np.concatenate([over_p, spread(rotors, self.coupling)], axis=2),
             np.concatenate([over_s, -spread(columns, self.coupling)], axis=2),
         )
 
@@ -120,8 +119,7 @@ class MonitoredModel:
 
     def is_slow(self, dq: Array) -> Mask:
         """Joints so slow that the smooth sign of dq does not give the direction of friction."""
-        slow = np.abs(dq) < SLOW * self.terms.coulomb_speed
-        return np.asarray(slow & (self.dry_friction > 0))
+        return (np.abs(dq) < SLOW * self.terms.coulomb_speed) & (self.dry_friction > 0)
 
 
 AnyModel = Identification | SavedResult | MonitoredModel  # what an observer takes as its model

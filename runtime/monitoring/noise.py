@@ -139,8 +139,7 @@ def near(t: Array, event: Mask, before_s: float, after_s: float) -> Mask:
     """Instants around those of an event: t (N,) [s], event (N, n) → (N, n)."""
     sums = np.vstack([np.zeros((1, event.shape[1]), int), np.cumsum(event, axis=0)])
     first = np.searchsorted(t, t - after_s - 1e-9)
-    last = np.searchsorted(t, t + before_s + 1e-9, side="right")
-    return np.asarray(sums[last] > sums[first])
+    return np.asarray(sums[np.searchsorted(t, t + before_s + 1e-9, side="right")] > sums[first])
 
 
 def noise_of_observer(

@@ -335,8 +335,6 @@ def _band(lib: Library, detector: Detector, root: Array, motion: JointMotion) ->
         signals = {key: x[taken] for key, x in motion.signals.items()}
         some = JointMotion(dq[taken], q[taken], lib=lib, signals=signals)
         over_p, over_s = detector.model.rows(lib, some)
-        change = np.diff(over_p, axis=0) * (rate_hz / stride)
-        rows = change - (over_s[1:] + over_s[:-1]) / 2
+        rows = np.diff(over_p, axis=0) * (rate_hz / stride) - (over_s[1:] + over_s[:-1]) / 2
         values[start : start + len(taken) - 1] = np.linalg.norm(rows @ root, axis=2)
-    held = np.minimum(np.arange(len(q)) // stride, len(values) - 1)
-    return np.asarray(values[held])
+    return np.asarray(values[np.minimum(np.arange(len(q)) // stride, len(values) - 1)])

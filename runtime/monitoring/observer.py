@@ -326,8 +326,7 @@ def contacts_of(
 
     t (N,) [s], r (N, n) [N·m, N], sigma (N, n) [N·m, N], threshold (N, n) [N·m, N].
     """
-    contacts = []
-    sizes = np.abs(np.nan_to_num(r))
+    contacts, sizes = [], np.abs(np.nan_to_num(r))
     for j, name in enumerate(names):
         size = sizes[:, j]
         for first, last in _intervals(t, size, threshold[:, j]):

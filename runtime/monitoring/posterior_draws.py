@@ -201,6 +201,5 @@ def _friction(mean: Array, root: Array, names: tuple[str, ...], rng: np.random.G
         wrong = (phi[:, bounded] < 0).any(axis=1)
         if not wrong.any():
             break
-        again = rng.standard_normal((int(wrong.sum()), root.shape[1])) @ root.T
-        phi[wrong] = mean[wrong] + again
+        phi[wrong] = mean[wrong] + rng.standard_normal((int(wrong.sum()), root.shape[1])) @ root.T
     return np.where(bounded & (phi < 0), 0.0, phi)

@@ -356,8 +356,7 @@ def usual_of(
     of_model: default errors of the model, and of its postures, over those of an arm; is_doubted:
     the model is, as by friction that no column describes, so that no log is a simulation of it.
     """
-    logs = [*held_out, *references]
-    default = np.array(list(USUAL.values()))
+    logs, default = [*held_out, *references], np.array(list(USUAL.values()))
     default[[list(USUAL).index(kind) for kind in ("model", "posture")]] *= of_model
     scales = default.copy()
     if not references:
@@ -434,5 +433,4 @@ def _common(
         log_p -= 0.5 * float(rest @ solved) + float(np.log(np.diag(factor[0])).sum())
         mean = mean + across @ solved
         covariance = covariance - across @ cho_solve(factor, across.T)
-    rms = np.sqrt(squares / max(sum(len(each.z) for each in logs), 1))
-    return mean, covariance, log_p, rms
+    return mean, covariance, log_p, np.sqrt(squares / max(sum(len(each.z) for each in logs), 1))

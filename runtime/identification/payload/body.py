@@ -52,8 +52,23 @@ class KnownPayload:
                 "expected three finite numbers in m as centre of mass of the known payload, got "
                 f"{np.asarray(self.com).tolist()}; measure it in the frame of the flange"
             )
-        if self.inertia is not None:
-            _require_body(self.inertia)
+        if self.inertia is None:
+            return
+        # Σ_com = ½ tr(I) 1 − I ⪰ 0 is physically consistent.
+        tensor = np.asarray(self.inertia, dtype=float)
+        wrong = (
+            tensor.shape != (3, 3) or not np.isfinite(tensor).all() or (tensor != tensor.T).any()
+        )
+        if not wrong:
+            trace = float(np.trace(tensor))
+            smallest = np.linalg.eigvalsh(trace / 2 * np.eye(3) - tensor)[0]
+            wrong = bool(smallest < -_ROUNDING * abs(trace))
+        if wrong:
+            raise IdentificationError(
+                "the inertia of the known payload is not physically consistent (expected three "
+                "rows of three in kg·m² about the centre of mass, symmetric, no principal moment "
+                "above the sum of the others); correct it, or leave it out so that it is identified"
+            )
 
 
 def read_known_payload(text: str) -> KnownPayload:
@@ -100,22 +115,6 @@ def _from_json(path: Path) -> KnownPayload:
             f"'{path}' holds no payload; write a JSON with mass in kg, com = three numbers in m "
             "and, where it is known, inertia = three rows of three in kg·m²"
         ) from None
-
-
-def _require_body(inertia: Array) -> None:
-    """Refuse an inertia that is not physically consistent: Σ_com = ½ tr(I) 1 − I ⪰ 0."""
-    tensor = np.asarray(inertia, dtype=float)
-    wrong = tensor.shape != (3, 3) or not np.isfinite(tensor).all() or (tensor != tensor.T).any()
-    if not wrong:
-        trace = float(np.trace(tensor))
-        smallest = np.linalg.eigvalsh(trace / 2 * np.eye(3) - tensor)[0]
-        wrong = bool(smallest < -_ROUNDING * abs(trace))
-    if wrong:
-        raise IdentificationError(
-            "the inertia of the known payload is not physically consistent (expected three rows of "
-            "three in kg·m² about the centre of mass, symmetric, no principal moment above the sum "
-            "of the others); correct it, or leave it out so that it is identified"
-        )
 
 
 NAMES = ("mass", "x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz")

@@ -111,8 +111,7 @@ def fit_fleet(lib: Library, units: Sequence[Unit]) -> FleetFit:
     pi, centre = alternate(lib, urdf, (A, b), counted, kappa, centre)
     view = _View(lib, urdf, A, b, centre)
     p_value, T = view.p_value(kappa), view.statistic(kappa)
-    out = p_value < ALPHA
-    links = np.full(len(units), -1)
+    out, links = p_value < ALPHA, np.full(len(units), -1)
     # The parameters of a unit that stands out follow its data where it departs from the type.
     for u in np.flatnonzero(out):
         links[u] = view.link(int(u), kappa)
@@ -203,8 +202,7 @@ class _View:
         root = posterior_of(self._rows(counted, kappa)[:, :-1], prior=H).root
         # Share of every base direction of the prior's unit covariance H Hᵀ.
         scaled = np.linalg.svd(np.linalg.lstsq(self.H, root, rcond=None)[0], compute_uv=False)
-        error = np.sort(scaled**2)[::-1][: len(self.H)]
-        return float(np.mean(1 / (1 / kappa + error)))
+        return float(np.mean(1 / (1 / kappa + np.sort(scaled**2)[::-1][: len(self.H)])))
 
     def covariance(self, kappa: float) -> Array:
         """Covariance of β of every unit, (U, n_b, n_b)."""

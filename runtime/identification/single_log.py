@@ -25,6 +25,7 @@ nothing, as in the equations: the prior alone determines it.
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 from typing import Any
 
@@ -293,7 +294,7 @@ def _uncertainty(
         centre=None if prior is None else prior.centre,
         tests=tests,
         gain_sigma=settings.gain_sigma,
-        delay=lambda: _delay_beside(assembly, settings),
+        delay=partial(_delay_beside, assembly, settings),
     )
     if problem.train.equations < lib.n_joints:  # rows of power have no noise of single joints
         samples = samples_of(assembly.parts[0], lib)

@@ -184,7 +184,7 @@ def test_a_log_that_nobody_filtered(lib: Library, clean: Recording, pi_true, mon
     def refuse(*_: object) -> None:
         raise IdentificationError("too few equations")
 
-    monkeypatch.setattr("runtime.identification.prepared_log.choose_cutoff", refuse)
+    monkeypatch.setattr("runtime.estimators.choice.regressor_choice.choose_cutoff", refuse)
     made["refused"] = identify(loud, lib, friction=(), refit=False)
     said = {name: " ".join(result.notes) for name, result in made.items()}
     assert [name for name in said if "cut-off" in said[name]] == ["chosen"]

@@ -49,10 +49,11 @@ inertial parameters takes up a part of them, so that its intervals are too narro
 """
 
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.special import chdtri
+from scipy.special import chdtri, softmax
 
 from runtime.estimators.regression.coloured_noise import (
     coloured_noise_of_shares,
@@ -217,10 +218,11 @@ def friction_columns(fit: FreeFit) -> tuple[Array, list[int]]:
 
 
 SLOW = 0.06  # speed at which friction that grows with load has nearly its whole size [rad/s, m/s]
-KINDS = np.repeat([0, 2, 1], [5, 4, 4])
-"""Kind of every shape, each with its λ: 0 of the posture (q, sin q, cos q, sin 2q, cos 2q), 2 of
-friction that depends on the position (ζ sin q, ζ cos q, dq sin q, dq cos q), 1 of other friction
-(load, bend over the speed, peak at low speed, stroke of the memory)."""
+POSTURE, FRICTION, OF_POSITION = range(3)
+KINDS = np.repeat([POSTURE, OF_POSITION, FRICTION], [5, 4, 4])
+"""Kind of every shape, each with its λ: of the posture (q, sin q, cos q, sin 2q, cos 2q), friction
+that depends on the position (ζ sin q, ζ cos q, dq sin q, dq cos q), other friction (load, bend over
+the speed, peak at low speed, stroke of the memory)."""
 USUAL_SIZE, DOUBT = 0.003, 1.0  # expected common λ over the joint's range, and σ of ln λ
 RARE = 100.0
 """Odds against friction that depends on the position. A change of the friction by 5 % over a turn
@@ -306,7 +308,7 @@ def nuisance_of(
     errors = list(kept)
     if samples.base is not None or samples.equations != lib.n_joints:
         return NuisanceTorque(kept[0], kept[0], np.zeros(len(kept[0])), mean)
-    columns = nuisance_columns(lib, pi, samples, stroke) * (with_position | (KINDS != 2))
+    columns = nuisance_columns(lib, pi, samples, stroke) * (with_position | (KINDS != OF_POSITION))
     shapes = np.moveaxis(columns * fit.scale[..., None], 1, 0)
     basis = np.moveaxis(fit.basis.reshape(len(samples), n, -1), 1, 0)
     taken, by_row = basis.swapaxes(1, 2) @ shapes, shapes.swapaxes(1, 2)
@@ -360,36 +362,35 @@ def common_size(gram: Array, z: Array, density: float, expected: float) -> float
 
 
 def nuisance_sizes(grams: Array, scores: Array, density: float, ranges: Array) -> Array:
-    """√E[λ² | z] of the shapes of all joints, (n, m) [N·m, N]; of kind 2 beside those of 0 and 1.
+    """√E[λ² | z] of the shapes of all joints, (n, m) [N·m, N]; `OF_POSITION` beside the others.
 
     Gram matrices (n, m, m), scores (n, m), ranges (n,) [N·m, N] of the joints.
     """
-    # Probabilities of the sizes for every size in common, (sizes in common, sizes).
+    # Probabilities of the sizes i, j for every size in common a, b of the joints n, (a, i).
     edges = np.concatenate([[0.0], np.sqrt(SIZES[1:-1] * SIZES[2:]), [np.inf]])
     edges = np.insert(edges, 1, SIZES[1] / np.sqrt(STEP))
     law = np.diff(-np.exp(-((edges / SIZES[1:, None]) ** 2)), axis=1)
     law = np.vstack([np.eye(1, len(SIZES)), law])  # a robot without nuisance torque has λ = 0
     squares, known = law * SIZES**2, np.zeros(scores.shape)
     usual = np.exp(-0.5 * (np.log(SIZES[1:] / USUAL_SIZE) / DOUBT) ** 2)
-    for pair, odds in (((0, 1), 1.0), ((2, 3), RARE)):  # no shape is of kind 3
+    pair, alone = (POSTURE, FRICTION), (OF_POSITION,)
+    for kinds, odds, sums in ((pair, 1.0, "nij,ai,bj->nab"), (alone, RARE, "ni,ai->na")):
         joints = zip(grams, scores, known, ranges, strict=True)
-        each = np.array([_likelihoods(*joint, density, pair) for joint in joints])
-        # (n, sizes in common of the first kind, of the second)
-        evidence = np.maximum(law @ each @ law.T, np.finfo(float).tiny)
-        prior = np.log(np.append(odds * usual.sum(), usual))
-        weights = prior[:, None] + prior + np.log(evidence).sum(axis=0)
-        weights = np.exp(weights - weights.max())
-        weights /= weights.sum()
-        means = [squares @ each @ law.T / evidence, law @ each @ squares.T / evidence]
-        for kind, part in zip(pair, means, strict=True):
-            known += np.sum(weights * part, axis=(1, 2))[:, None] * (kind == KINDS)
+        each = np.array([_likelihoods(*joint, density, kinds) for joint in joints])
+        evidence = np.maximum(np.einsum(sums, each, *[law] * len(kinds)), np.finfo(float).tiny)
+        prior = reduce(np.add.outer, [np.log(np.append(odds * usual.sum(), usual))] * len(kinds))
+        shares = softmax(prior + np.log(evidence).sum(axis=0)) / evidence
+        for kind in kinds:
+            laws = [squares if other == kind else law for other in kinds]
+            mean = (shares * np.einsum(sums, each, *laws)).reshape(len(each), -1)
+            known += mean.sum(axis=1)[:, None] * (kind == KINDS)
     return np.asarray(np.sqrt(known) * ranges[:, None])
 
 
 def _likelihoods(
-    gram: Array, z: Array, known: Array, most: float, density: float, pair: tuple[int, int]
+    gram: Array, z: Array, known: Array, most: float, density: float, kinds: tuple[int, ...]
 ) -> Array:
-    """p(z) over its largest value, of sizes of a pair of kinds, (k, k), beside λ²/most² known."""
+    """p(z) over its largest value, of the sizes of some kinds, (k, …), beside λ²/most² known."""
     power, axes = np.linalg.eigh(gram)
     sizes = SIZES * most
     # Data that are exact to rounding leave a variance that is not singular.
@@ -399,11 +400,11 @@ def _likelihoods(
     along = axes.T @ z
     # Variance of Vᵀ z, z = G s + e, in the axes V of G: S P + P Vᵀ Λ V P.
     parts = axes * power
-    kinds = [parts[kind == KINDS] for kind in pair]
-    first, second = (np.multiply.outer(sizes**2, each.T @ each) for each in kinds)
-    beside = density * np.diag(power) + most**2 * (parts.T * known) @ parts
-    variance = first[:, None] + second + beside
-    right = np.broadcast_to(along[:, None], (*variance.shape[:3], 1))
+    variance = density * np.diag(power) + most**2 * (parts.T * known) @ parts
+    for kind in kinds:
+        of_kind = parts[kind == KINDS]
+        variance = variance[..., None, :, :] + np.multiply.outer(sizes**2, of_kind.T @ of_kind)
+    right = np.broadcast_to(along[:, None], (*variance.shape[:-1], 1))
     misfit = np.linalg.solve(variance, right)[..., 0] @ along + np.linalg.slogdet(variance)[1]
     return np.asarray(np.exp((misfit.min() - misfit) / 2))
 
@@ -449,8 +450,7 @@ def model_error_of(
     if gain_sigma and fit.samples.base is None and fit.samples.equations == lib.n_joints:
         predicted, level = fit.predicted.reshape(count, n), float(np.trace(spread)) / p
         taken = np.einsum("ijk,ij->kj", fit.basis.reshape(count, n, p), predicted)
-        of_gains = predicted[..., None]
-        gains, gain_sigma = change_error(taken, of_gains, rest, level, gain_sigma)
+        gains, gain_sigma = change_error(taken, predicted[..., None], rest, level, gain_sigma)
     # From the coordinates of Q to those of the rows A: A R = U is orthonormal, X R_Q = Q.
     whole = posterior_of(statistics.factor, rank=APART)
     u = statistics.factor @ whole.root

@@ -86,9 +86,10 @@ class DriveProblem:
         delay, bias = np.split(x, [len(x) - n]) if self.request.bias else (x, np.zeros(n))
         return delay if self.request.delay else self.given, bias
 
-    def used(self, train: Recording) -> Array | float:
+    def used(self, train: Recording) -> Array:
         """1 in rows of the training part that are used, (N, n)."""
-        return sliding(train.required("dq"), train.rate_hz, CLOSE_S) if self.slides else 1.0
+        dq = train.required("dq")
+        return sliding(dq, train.rate_hz, CLOSE_S) if self.slides else np.ones_like(dq)
 
     @property
     def most_step(self) -> Array:
@@ -151,7 +152,7 @@ def identification_at(
         fitted = replace(fitted, tau=fitted.tau - c)
         train = train.replace(tau=train.required("tau") - c).noted(feedback.FEEDBACK)
     if problem.slides:
-        fitted = explicit(problem.lib, fitted).weighted(sliding(fitted.dq, train.rate_hz, CLOSE_S))
+        fitted = explicit(problem.lib, fitted).weighted(problem.used(train))
     less = replace(assembly.problem, train=fitted)
     return identify_assembled(
         replace(assembly, problem=less, parts=(train, *assembly.parts[1:])), usual

@@ -49,8 +49,8 @@ from runtime.identification.saved_result import read_result, require_model
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction, Recording
-from runtime.recording.friction.model import DAY, LARGE_DAY
-from runtime.recording.settings import COULOMB_SPEED
+from runtime.recording.friction.model import DAY, LARGE_DAY, columns
+from runtime.recording.settings import JointMotion
 
 LEAST_TRAVEL = 0.02  # smallest travel that the distance is related to, rad or m
 GROUPS = 5  # K, groups of rows per joint
@@ -213,13 +213,11 @@ def day_changes(loaded: Samples, empty: Samples, friction: Array, gain: float) -
 
     friction (N_0, n): torque of the empty run without its links; gain: usual relative change.
     """
-
-    def sides(dq: Array) -> Array:
-        return np.stack([dq, np.tanh(dq / COULOMB_SPEED), np.ones_like(dq)], axis=2)
-
-    fits = zip(np.moveaxis(sides(empty.dq), 1, 0), friction.T, strict=True)
-    sizes = np.array([least_squares(columns, torque)[0] for columns, torque in fits])
-    usual = LARGE_DAY * sizes[:, :2] * sides(loaded.dq)[..., :2]
+    terms = Friction(("viscous", "coulomb", "offset"))
+    of_loaded, of_empty = (columns(JointMotion(run.dq), terms) for run in (loaded, empty))
+    fits = zip(np.moveaxis(of_empty, 1, 0), friction.T, strict=True)
+    sizes = np.array([least_squares(rows, torque)[0] for rows, torque in fits])
+    usual = LARGE_DAY * sizes[:, :2] * of_loaded[..., :2]
     return np.concatenate([usual, gain * loaded.tau[..., None]], axis=2)
 
 

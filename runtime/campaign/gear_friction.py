@@ -26,8 +26,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime.campaign.shortest_session import posterior_in
-from runtime.estimators.convex.constraints import Constraints
 from runtime.estimators.convex.entropic_prior import NONE
+from runtime.estimators.convex.newton import Constraints
 from runtime.estimators.gauss_newton import Linearised, gauss_newton
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import FrictionPrior

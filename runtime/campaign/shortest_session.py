@@ -31,7 +31,7 @@ from typing import Any
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.entropic_prior import spread_of
+from runtime.estimators.convex.entropic_prior import CAD, prior_of, spread_of
 from runtime.estimators.regression.posterior import orthonormal, posterior_of
 from runtime.estimators.uncertainty import Uncertainty
 from runtime.excitation.motion.trajectory import JoinedMotion, Trajectory
@@ -42,7 +42,7 @@ from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.information import Information, information
 from runtime.excitation.search.measures import covariance
 from runtime.excitation.search.prediction import covariance_of, payload_sigma
-from runtime.identification.expected_accuracy.expected import Knowledge, with_earlier
+from runtime.identification.expected_accuracy.planned_samples import with_earlier
 from runtime.identification.identified import Identification
 from runtime.library import Array, Library
 from runtime.library.parameters import MASS, N_PARAMETERS
@@ -119,9 +119,8 @@ def error_parts_of(
     if payload:
         root = posterior_of(a, is_wide=True).root
     else:  # with the URDF as prior
-        arm = Knowledge.of(lib)
-        counted = with_earlier(a, known.earlier, lib)
-        root = spread_of(arm.prior.bodies, arm.pi, counted, arm.kappa).root
+        arm = prior_of(lib)
+        root = spread_of(arm.bodies, arm.centre, with_earlier(a, known.earlier, lib), CAD).root
     gain = root @ (root.T @ a.T)
     errors = {name: gain @ part for name, part in zip(missed, rest, strict=True)}
     return ErrorParts({NOISE: root, **errors}, np.full(lib.n_joints, error.gain))

@@ -289,7 +289,8 @@ def situation_of(
     known = replace(accuracy.Knowledge.of(lib), payload_only=given.payload_only)
     residual = planned_samples.noise_of(lib, moved)
     if residual is not None:
-        known = replace(known, pi=residual.pi, error=residual.error)
+        error = accuracy.error_of_fit(lib, moved.samples, residual.fit)
+        known = replace(known, pi=residual.fit.pi, error=error)
         sigma = residual.sigma if given.noise is None else sigma
         unit = residual.inflation if planned.log is None else unit
     if given.earlier_log:

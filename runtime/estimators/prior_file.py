@@ -34,7 +34,7 @@ inertia of the URDF.
 import math
 import sys
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal, NoReturn
 from xml.etree import ElementTree
@@ -46,8 +46,8 @@ from scipy.spatial import ConvexHull, QhullError
 from runtime.common.files import text_of
 from runtime.common.records import Record, Vector3, record_from_toml
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.constraints import ConstraintRow, Constraints
-from runtime.estimators.convex.entropic_prior import CAD, GRIPPER, NONE, Prior, bodies_of, prior_of
+from runtime.estimators.convex.entropic_prior import CAD, GRIPPER, NONE, bodies_of
+from runtime.estimators.convex.newton import ConstraintRow, Constraints
 from runtime.estimators.problem import FrictionPrior, NoiseFloor
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, PI_NAMES, links
@@ -108,13 +108,6 @@ class KnownFriction:
         to, of = ([each.index(name) for name in shared] for each in (columns, self.columns))
         shape, places = (len(self.mean), len(columns)), np.s_[:, to]
         return FrictionPrior.of_some(shape, places, self.mean[:, of], self.sigma[:, of])
-
-
-def prior_about(lib: Library, guess: Array, centre: Array | None) -> Prior:
-    """Entropic prior about a stated centre, or about a first guess."""
-    if centre is None:
-        return prior_of(lib, guess)
-    return replace(prior_of(lib, centre, floor=0.0), is_of_type=True)
 
 
 def centre_of(stated: BodyTables, where: str, lib: Library) -> Array:

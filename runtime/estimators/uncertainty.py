@@ -32,9 +32,9 @@ from runtime.estimators.convex.entropic_prior import (
     Prior,
     bodies_of,
     com_sigma,
+    prior_about,
     spread_of,
 )
-from runtime.estimators.prior_file import prior_about
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of
 from runtime.estimators.regression.factor import Reduced, Statistics, compress, reduce
 from runtime.estimators.regression.model_error import free_fit, model_error_of

@@ -14,9 +14,10 @@ import runtime
 from bench import numpy_identify
 from bench.front import BenchError
 from runtime.errors import RuntimeFault
+from runtime.estimators.classical.pc_ols import follow_compiled
 from runtime.estimators.convex.entropic_prior import CAD, prior_of
 from runtime.estimators.convex.map_estimate import fit_map
-from runtime.estimators.convex.newton import convex_problem, follow_compiled, solve
+from runtime.estimators.convex.newton import convex_problem, solve
 from runtime.estimators.descent.descent import least_squares
 from runtime.estimators.descent.fit import Preset, fit_adam, start_of
 from runtime.estimators.optimizers import AdamOptions, LevenbergOptions, StoppingRule

@@ -11,9 +11,9 @@ from scipy import signal
 import runtime
 from runtime import Recording, identify_payload
 from runtime.common.threads import cores
-from runtime.estimators.classical.pc_ols import cone_optimum
+from runtime.estimators.classical.pc_ols import cone_optimum, follow_compiled
 from runtime.estimators.convex.entropic_prior import CAD, prior_of
-from runtime.estimators.convex.newton import convex_problem, follow_compiled, solve_many
+from runtime.estimators.convex.newton import convex_problem, solve_many
 from runtime.estimators.regression.factor import compress, reduce
 from runtime.estimators.regression.samples import NORMAL_95, samples_of
 from runtime.excitation import Trajectory

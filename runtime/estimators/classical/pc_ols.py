@@ -1,10 +1,18 @@
 """PC-IDIM-OLS: min ‖R [π; φ] − r‖ subject to P_k(π_k) ⪰ 0 for every link (Eq. 3.8).
 
-It is solved by the path of `convex`, and checked by Clarabel in the second-order-cone form on the
-compressed rows; the quadratic form loses half the digits. The convex optimum is the reference for
-the loss of every other method. In directions that the motion does not excite it is not unique, and
-often implausible, so `fit_pc_ols` stops slightly before it, at the point of the path nearest to the
-first guess.
+It is solved by a path of falling weights γ of the prior,
+
+    min over π of  L(π) + γ Σ_k [tr(P0_k⁻¹ P_k) − log det P_k]
+
+The minimiser at weight γ satisfies ∇L = γ Σ_k (P_k⁻¹ − P0_k⁻¹) on P_k, so every consistent π with
+Σ tr(P0_k⁻¹ P_k) no larger than the minimiser's has L(π) ≥ L(π_γ) − 4 n_links γ: the certificate.
+The path starts where the prior dominates, and each minimiser starts the next. Without the trace
+term of the prior the logarithm alone would have no minimiser. No cone solver is needed.
+
+Clarabel checks the optimum in the second-order-cone form on the compressed rows; the quadratic form
+loses half the digits. The optimum is the reference for the loss of every other method. In
+directions that the motion does not excite it is not unique, and often implausible, so `fit_pc_ols`
+stops slightly before it, at the point of the path nearest to the first guess.
 Source: Wensing, Kim & Slotine 2018; document Sec. 3.1.4.
 """
 
@@ -17,15 +25,15 @@ from scipy.sparse import csc_matrix
 
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.least_squares import counted_in_links
-from runtime.estimators.convex.constraints import solved_cone, svec
-from runtime.estimators.convex.entropic_prior import bodies_of, prior_of
-from runtime.estimators.convex.newton import PATIENCE, SHRINK, Path, follow_compiled
+from runtime.estimators.convex.entropic_prior import Prior, bodies_of, prior_of
+from runtime.estimators.convex.newton import DECREMENT, ConvexProblem, solved_cone, svec, task_of
 from runtime.estimators.friction_bounds import Bounds, bounds_of, notes_of, within_bounds
 from runtime.estimators.methods import Method
 from runtime.estimators.problem import Fit, Problem
-from runtime.estimators.regression.factor import Statistics, reduce
+from runtime.estimators.regression.factor import Reduced, Statistics, reduce
 from runtime.library import Array, Library
-from runtime.library.parameters import pi_from_parts
+from runtime.library.compiled_descent import CompiledConvex
+from runtime.library.parameters import N_PARAMETERS, pi_from_parts
 
 LENGTH = 0.1  # unit of length of scaled unknowns, m: m, m·c/ℓ and I/ℓ² are then of one size
 SLACK = 1e-3
@@ -35,6 +43,68 @@ BOUNDARY = 1e-6  # relative eigenvalue below which a link of the optimum is a pl
 LARGEST_WEIGHT = 4.0  # mean tr(P0⁻¹ P)/4 per link up to which the path certifies; 1 is the prior
 FINER, MORE_STEPS = 4.0, 200  # ratio and steps per γ of the second attempt at a path
 TIGHT = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), 1e-10)  # of Clarabel
+SMALLEST_GAP = 1e-7  # certificate at the end of the path, relative to the loss
+FIRST, SHRINK = 1e-1, 10.0  # γ at the start in units of the loss, and its ratio from step to step
+PATIENCE = 60  # Newton steps per γ; more only where the optimum drifts to implausible bodies
+EXPLAINED = 1e-9  # losses below this share of that of τ̂ = 0 count as rounding
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Path:
+    """Minimisers at falling weights γ, towards the optimum of all consistent models."""
+
+    gammas: Array  # weights, falling
+    points: Array  # the minimisers π, one row each
+    losses: Array  # L at them
+    gap: float  # 4 n_links γ at the end plus the Newton decrement: L − L* is no larger
+    weight: float  # Σ tr(P0_k⁻¹ P_k) / 4 n at the end: 1 at the prior, large for implausible bodies
+    steps: int  # total number of Newton steps
+    converged: bool  # whether the minimisation converged at every γ
+
+    def nearest(self, slack: float, optimum: float | None = None) -> Array | None:
+        """First point, so the nearest to the prior, within a relative slack of an optimum."""
+        bar = float(self.losses[-1]) if optimum is None else optimum
+        good = np.flatnonzero(self.losses <= (1 + slack) * bar)
+        return np.array(self.points[good[0]]) if good.size else None
+
+
+def gamma_sequence(data: Reduced, bodies: int, shrink: float = SHRINK) -> Array:
+    """Falling weights γ, from `FIRST` of the unexplained loss down to a gap of `SMALLEST_GAP`."""
+    # The unexplained loss sets the unit; where it is rounding, a share of the loss of τ̂ = 0 does.
+    zero_torque = data.value(np.zeros(data.factor.shape[1]))
+    unit = max(data.rest / (2 * data.count), EXPLAINED * zero_torque, 1e-300)
+    # Certificate: the gap at the end is 4 n γ.
+    last = SMALLEST_GAP * unit / (4 * bodies)
+    count = int(np.ceil(np.log(FIRST * unit / last) / np.log(shrink))) + 1
+    return np.geomspace(FIRST * unit, last, count)
+
+
+def path_of(
+    prior: Prior,
+    gammas: Array,
+    points: Array,
+    losses: Array,
+    decrement: float,
+    steps: int,
+    converged: bool,
+) -> Path:
+    """Path of given minimisers, with its certificate."""
+    degree = 4 * (points.shape[1] // N_PARAMETERS)
+    gap = degree * float(gammas[-1]) + decrement
+    weight = float(prior.slope @ points[-1]) / degree
+    return Path(gammas, points, losses, gap, weight, steps, converged)
+
+
+def follow_compiled(
+    lib: Library, data: Reduced, prior: Prior, shrink: float = SHRINK, most_steps: int = PATIENCE
+) -> Path:
+    """Follow a path by the compiled Newton method."""
+    bodies = prior.centre.size // N_PARAMETERS
+    gammas = gamma_sequence(data, bodies, shrink)
+    task = task_of(ConvexProblem(data, prior, np.ones(bodies)), gammas)
+    (a,) = CompiledConvex(lib.binding, [task], DECREMENT, most_steps).run()
+    ended, tried = float(a.decrements[-1]), gammas[: len(a.losses)]
+    return path_of(prior, tried, a.points, a.losses, ended, int(a.steps.sum()), a.converged)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

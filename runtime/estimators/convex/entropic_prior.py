@@ -12,7 +12,7 @@ curvature of D. Source: Lee, Wensing & Park 2019 for the divergence; Laplace's a
 (MacKay 2003, Ch. 27); the floor is this project's.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -143,6 +143,13 @@ def prior_of(lib: Library, pi: ArrayLike | None = None, floor: float = THIN) -> 
             "one is taken as prior",
         )
     return prior_from(bodies_of(lib), lib.nearest_realisable(given, floor), notes)
+
+
+def prior_about(lib: Library, guess: Array, centre: Array | None) -> Prior:
+    """Entropic prior about a stated centre, or about a first guess."""
+    if centre is None:
+        return prior_of(lib, guess)
+    return replace(prior_of(lib, centre, floor=0.0), is_of_type=True)
 
 
 def log_evidence(prior: Prior, rows: Array, target: Array, kappa: float, pi: Array) -> float:

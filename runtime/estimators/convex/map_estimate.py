@@ -12,12 +12,17 @@ import numpy as np
 
 from runtime.common.tables import significant
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.constraints import Constraints, constrained
-from runtime.estimators.convex.entropic_prior import CAD
-from runtime.estimators.convex.newton import Minimum, convex_problem, solve
+from runtime.estimators.convex.entropic_prior import CAD, prior_about
+from runtime.estimators.convex.newton import (
+    Constraints,
+    Minimum,
+    constrained,
+    convex_problem,
+    solve,
+)
 from runtime.estimators.friction_bounds import Held, bounds_of, notes_of, within_bounds
 from runtime.estimators.methods import Method
-from runtime.estimators.prior_file import PriorFile, prior_about
+from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of
 from runtime.estimators.regression.factor import Statistics, compress, reduce

@@ -3,30 +3,27 @@
     min over π of  (‖A π − b‖² + ρ)/2N + Σ_k γ_k [tr(P0_k⁻¹ P_k) − log det P_k]
                    − Σ_c μ log(l_c − a_c·π)
 
-The log-determinant keeps every P_k ≻ 0; the optional half-spaces a_c·π ≤ l_c and a subspace
-π = o + Z z carry further priors.
+The log-determinant keeps every P_k ≻ 0. Further priors are linear and named: equations, which leave
+a subspace π = o + Z z, and half-spaces a_c·π ≤ l_c. Masses, centres of mass (m·c is linear where
+c ∈ {c : n·c ≤ d} is n·(m c) ≤ d m) and symmetry planes are of this kind. A first point strictly
+inside comes from one cone program; where there is none, its multipliers name the priors that
+contradict each other (Farkas). Without linear priors the loop is compiled (`solve`).
 
 Where the minimum is far from the prior, continuation in γ follows. The cost over γ is
 self-concordant: the damped Newton method needs a number of steps that grows with the decrease of
 the cost in units of γ, thousands from the prior to data that contradict it, as with an unknown
 payload. The minimisers at γ 3^K, …, 3 γ, γ are each a few steps from the one before.
 Source: Nesterov & Nemirovskii 1994 for path following.
-
-Without linear priors the loop is compiled (`solve`), and PC-IDIM-OLS is a path of falling γ,
-
-    min ‖A π − b‖²  subject to  P_k ⪰ 0                                                   (Eq. 3.8)
-
-The minimiser at weight γ satisfies ∇L = γ Σ_k (P_k⁻¹ − P0_k⁻¹) on P_k, so every consistent π with
-Σ tr(P0_k⁻¹ P_k) no larger than the minimiser's has L(π) ≥ L(π_γ) − 4 n_links γ: the certificate.
-The path starts where the prior dominates, and each minimiser starts the next. Without the trace
-term of the prior the logarithm alone would have no minimiser. No cone solver is needed.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
+import clarabel
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import block_diag, cho_factor, cho_solve, null_space
+from scipy.sparse import csc_matrix
 
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.entropic_prior import Prior
@@ -44,6 +41,11 @@ RIDGE, RIDGE_GROWTH, RIDGE_MOST = 1e-14, 10.0, 1e-2
 DECREMENT = 1e-3  # ½ gᵀH⁻¹g at the end over the smallest γ: the cost is that close to its minimum
 MOST_STEPS = 200  # limit of Newton steps; from the centre of the prior 5 to 8 are usual
 MOST_HALVINGS = 60
+BARRIER = 1e-2  # weight of a half-space's logarithm over γ: small, only near points move
+ROOM = 0.05  # largest distance of the first point from the constraints, in units of the prior
+LEAST_ROOM = 1e-6  # distance below which no strictly consistent point exists
+ROOM_COST = 1e4  # cost of missing distance from constraints, relative to distance from the prior
+ACTIVE = 1e-2  # slack, relative to its scale, below which a half-space holds with equality
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -267,58 +269,6 @@ def better(direct: Minimum, continued: Minimum) -> Minimum:
     return direct if values[0] <= values[1] else continued
 
 
-SMALLEST_GAP = 1e-7  # certificate at the end of the path, relative to the loss
-FIRST, SHRINK = 1e-1, 10.0  # γ at the start in units of the loss, and its ratio from step to step
-PATIENCE = 60  # Newton steps per γ; more only where the optimum drifts to implausible bodies
-EXPLAINED = 1e-9  # losses below this share of that of τ̂ = 0 count as rounding
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Path:
-    """Minimisers at falling weights γ, towards the optimum of all consistent models."""
-
-    gammas: Array  # weights, falling
-    points: Array  # the minimisers π, one row each
-    losses: Array  # L at them
-    gap: float  # 4 n_links γ at the end plus the Newton decrement: L − L* is no larger
-    weight: float  # Σ tr(P0_k⁻¹ P_k) / 4 n at the end: 1 at the prior, large for implausible bodies
-    steps: int  # total number of Newton steps
-    converged: bool  # whether the minimisation converged at every γ
-
-    def nearest(self, slack: float, optimum: float | None = None) -> Array | None:
-        """First point, so the nearest to the prior, within a relative slack of an optimum."""
-        bar = float(self.losses[-1]) if optimum is None else optimum
-        good = np.flatnonzero(self.losses <= (1 + slack) * bar)
-        return np.array(self.points[good[0]]) if good.size else None
-
-
-def gamma_sequence(data: Reduced, bodies: int, shrink: float = SHRINK) -> Array:
-    """Falling weights γ, from `FIRST` of the unexplained loss down to a gap of `SMALLEST_GAP`."""
-    # The unexplained loss sets the unit; where it is rounding, a share of the loss of τ̂ = 0 does.
-    zero_torque = data.value(np.zeros(data.factor.shape[1]))
-    unit = max(data.rest / (2 * data.count), EXPLAINED * zero_torque, 1e-300)
-    # Certificate: the gap at the end is 4 n γ.
-    last = SMALLEST_GAP * unit / (4 * bodies)
-    count = int(np.ceil(np.log(FIRST * unit / last) / np.log(shrink))) + 1
-    return np.geomspace(FIRST * unit, last, count)
-
-
-def path_of(
-    prior: Prior,
-    gammas: Array,
-    points: Array,
-    losses: Array,
-    decrement: float,
-    steps: int,
-    converged: bool,
-) -> Path:
-    """Path of given minimisers, with its certificate."""
-    degree = 4 * (points.shape[1] // N_PARAMETERS)
-    gap = degree * float(gammas[-1]) + decrement
-    weight = float(prior.slope @ points[-1]) / degree
-    return Path(gammas, points, losses, gap, weight, steps, converged)
-
-
 def solve(lib: Library, problem: ConvexProblem, start: Array | None = None) -> Minimum:
     """Minimise a convex problem by the compiled Newton method, unless it has linear priors."""
     return solve_many(lib, [problem], [start])[0]
@@ -339,18 +289,6 @@ def solve_many(
     answers = CompiledConvex(lib.binding, tasks, DECREMENT, MOST_STEPS).run(threads)
     minima = [_minimum(p, answer) for p, answer in zip(problems, answers, strict=True)]
     return [_continued(lib, m, s) for m, s in zip(minima, firsts, strict=True)]
-
-
-def follow_compiled(
-    lib: Library, data: Reduced, prior: Prior, shrink: float = SHRINK, most_steps: int = PATIENCE
-) -> Path:
-    """Follow a path by the compiled Newton method."""
-    bodies = prior.centre.size // N_PARAMETERS
-    gammas = gamma_sequence(data, bodies, shrink)
-    task = task_of(ConvexProblem(data, prior, np.ones(bodies)), gammas)
-    (a,) = CompiledConvex(lib.binding, [task], DECREMENT, most_steps).run()
-    ended, tried = float(a.decrements[-1]), gammas[: len(a.losses)]
-    return path_of(prior, tried, a.points, a.losses, ended, int(a.steps.sum()), a.converged)
 
 
 def _continued(lib: Library, minimum: Minimum, start: Array | None) -> Minimum:
@@ -376,3 +314,136 @@ def _minimum(problem: ConvexProblem, answer: ConvexAnswer) -> Minimum:
     loss, decrement = float(answer.losses[-1]), float(answer.decrements[-1])
     steps = int(answer.steps.sum())
     return Minimum(problem, answer.points[-1], loss, decrement, steps, answer.converged)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ConstraintRow:
+    """One linear prior, coefficients · π = value or ≤ value."""
+
+    name: str  # entry of the file that states it
+    coefficients: Array  # (10 n,)
+    value: float  # kg, kg·m or kg·m², as the coefficients require
+
+
+@dataclass(frozen=True, slots=True)
+class Constraints:
+    """Linear priors: equations, and upper bounds."""
+
+    equations: tuple[ConstraintRow, ...] = ()
+    bounds: tuple[ConstraintRow, ...] = ()
+
+
+def constrained(
+    constraints: Constraints, data: Reduced, prior: Prior, gamma: float | Array
+) -> tuple[Minimum, tuple[str, ...]]:
+    """Minimise under entropic and linear priors."""
+    # W with Wᵀ W the curvature of the prior: ‖W (π − π0)‖² / 2 is D to second order.
+    _, blocks = prior.bodies.curvature(prior.centre)
+    whiten = np.asarray(block_diag(*(np.linalg.cholesky(b).T for b in blocks)))
+    start = _inside(constraints, prior, whiten)
+    rows, limits = _stacked(constraints.bounds, start.size)
+    inside = HalfSpaces(rows, limits, BARRIER * float(np.min(gamma))) if len(rows) else None
+    free = None
+    if constraints.equations:
+        matrix, _ = _stacked(constraints.equations, start.size)
+        scaled = np.asarray(np.linalg.solve(whiten.T, matrix.T).T)  # E in whitened unknowns
+        free = Subspace(start, np.asarray(np.linalg.solve(whiten, null_space(scaled))))
+    problem = convex_problem(data, prior, gamma, inside, free)
+    minimum = minimise_anywhere(problem, start)
+    notes: tuple[str, ...] = ()
+    if len(rows):
+        scale = np.linalg.norm(np.linalg.solve(whiten.T, rows.T), axis=0)
+        tight = (limits - rows @ minimum.pi) < ACTIVE * scale
+        names = dict.fromkeys(b.name for b, t in zip(constraints.bounds, tight, strict=True) if t)
+        if names:
+            notes = (
+                f"the estimate lies at the limit of the prior on {', '.join(names)}; check it",
+            )
+    return minimum, notes
+
+
+def _inside(constraints: Constraints, prior: Prior, whiten: Array) -> Array:
+    """Point near the centre of the prior, strictly inside: min d − ROOM_COST t, t ≤ ROOM.
+
+    Unknowns are x of π = centre + W⁻¹ x in units of the prior, the distance t from all
+    constraints, and d ≥ ‖x‖.
+    """
+    size = prior.centre.size
+    e, e_value = _stacked(constraints.equations, size)
+    a, limit = _stacked(constraints.bounds, size)
+    # π = centre + back x, x in units of the prior
+    back = np.asarray(np.linalg.inv(whiten), dtype=np.float64)
+    a_x, e_x = a @ back, e @ back
+    scale, length = np.linalg.norm(a_x, axis=1), np.linalg.norm(e_x, axis=1)
+    if (scale == 0).any() or (length == 0).any():
+        raise IdentificationError(
+            "a prior has coefficients that are all zero, so it restricts no parameter; correct its "
+            "numbers"
+        )
+    zero = np.zeros
+    cone, room = _consistency(prior, back)
+    # Rows b − A x ∈ K: equations, bounds with distance t, t ≤ ROOM, ‖x‖ ≤ d, P̃_k ⪰ t.
+    blocks = [
+        np.hstack([e_x / length[:, None], zero((len(e), 2))]),
+        np.hstack([a_x / scale[:, None], np.ones((len(a), 1)), zero((len(a), 1))]),
+        np.hstack([zero((1, size)), [[1.0, 0.0]]]),
+        np.hstack([zero((1, size + 1)), [[-1.0]]]),
+        np.hstack([-np.eye(size), zero((size, 2))]),
+        np.hstack([-cone, room[:, None], zero((len(cone), 1))]),
+    ]
+    at = prior.centre
+    sides = [(e_value - e @ at) / length, (limit - a @ at) / scale, [ROOM], zero(size + 1), room]
+    bodies = size // N_PARAMETERS
+    cones = [clarabel.ZeroConeT(len(e))] if len(e) else []
+    cones += [clarabel.NonnegativeConeT(len(a) + 1), clarabel.SecondOrderConeT(size + 1)]
+    cones += [clarabel.PSDTriangleConeT(4)] * bodies
+    cost, matrix = np.concatenate([zero(size), [-ROOM_COST, 1.0]]), csc_matrix(np.vstack(blocks))
+    solution = solved_cone(cost, matrix, np.concatenate(sides), cones)
+    status, x = str(solution.status), np.array(solution.x)
+    if status not in {"Solved", "AlmostSolved"} or x[size] < LEAST_ROOM:
+        _contradiction(constraints, np.abs(np.array(solution.z)))
+    return np.asarray(prior.centre + back @ x[:size])
+
+
+def _contradiction(constraints: Constraints, multipliers: Array) -> None:
+    """Raise with the priors whose multipliers prove that no point satisfies all of them."""
+    rows = (*constraints.equations, *constraints.bounds)
+    shares = multipliers[: len(rows)]
+    guilty = shares > 1e-3 * max(float(shares.max()), 1e-300)
+    names = list(dict.fromkeys(r.name for r, g in zip(rows, guilty, strict=True) if g))
+    what = f"the prior on {names[0]} cannot hold"
+    if len(names) > 1:
+        what = f"the priors on {' and '.join(names)} contradict each other"
+    raise IdentificationError(
+        f"{what}: no physically consistent bodies satisfy them; correct or remove one of them"
+    )
+
+
+def _consistency(prior: Prior, back: Array) -> tuple[Array, Array]:
+    """svec of P̃_k(x) = L⁻¹ P_k(back x) L⁻ᵀ with P0 = L Lᵀ, and of the identity, stacked."""
+    basis, size = prior.bodies.basis, prior.centre.size
+    lower = np.linalg.inv(np.linalg.cholesky(prior.bodies.pseudo_inertia(prior.centre)))
+    blocks = [svec(inverse @ basis @ inverse.T) for inverse in lower]
+    unit = np.tile(svec(np.eye(4)[None])[:, 0], size // N_PARAMETERS)
+    return block_diag(*blocks) @ back, unit
+
+
+def svec(matrices: Array) -> Array:
+    """Upper triangles (10, k) of symmetric matrices (k, 4, 4), √2 beside the diagonal."""
+    places = [(i, j) for j in range(4) for i in range(j + 1)]
+    return np.array([(1.0 if i == j else np.sqrt(2.0)) * matrices[:, i, j] for i, j in places])
+
+
+def solved_cone(cost: Array, rows: csc_matrix, sides: Array, cones: list[Any], **how: Any) -> Any:
+    """Clarabel's solution of min cost · x with sides − rows x in a product of cones."""
+    settings = clarabel.DefaultSettings()
+    for name, value in ({"verbose": False} | how).items():
+        setattr(settings, name, value)
+    flat = csc_matrix((cost.size, cost.size))
+    return clarabel.DefaultSolver(flat, cost, rows, sides, cones, settings).solve()
+
+
+def _stacked(rows: tuple[ConstraintRow, ...], size: int) -> tuple[Array, Array]:
+    """Coefficients (rows, size) and values (rows,)."""
+    matrix = np.array([r.coefficients for r in rows]).reshape(len(rows), size)
+    return matrix, np.array([r.value for r in rows])

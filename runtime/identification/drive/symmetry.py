@@ -30,7 +30,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.constraints import ConstraintRow, Constraints
+from runtime.estimators.convex.newton import ConstraintRow, Constraints
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import FrictionPrior
 from runtime.estimators.regression.samples import NORMAL_95, residuals, samples_of

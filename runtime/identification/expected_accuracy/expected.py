@@ -28,12 +28,15 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from runtime.estimators.convex.entropic_prior import CAD, Prior, com_sigma, prior_of, spread_of
-from runtime.estimators.regression.factor import Reduced, Statistics, reduce
+from runtime.estimators.problem import Fit
+from runtime.estimators.regression.factor import Reduced, Statistics, compress, reduce
+from runtime.estimators.regression.samples import Samples
+from runtime.estimators.uncertainty import vague_posterior
 from runtime.excitation.search.criteria import sizes
 from runtime.excitation.search.information import information
 from runtime.excitation.search.measures import covariance
 from runtime.excitation.search.prediction import payload_sigma
-from runtime.identification.expected_accuracy.planned_samples import MotionSamples
+from runtime.identification.expected_accuracy.planned_samples import MotionSamples, with_earlier
 from runtime.identification.free_base.result import FreeBaseIdentification
 from runtime.library import Array, Library
 from runtime.library.parameters import MASS, N_PARAMETERS, PI_NAMES, inertia, links, mass
@@ -166,13 +169,13 @@ def _rows(lib: Library, statistics: Statistics, earlier: Array | None, unit: flo
     return with_earlier(data.factor / np.sqrt(unit), earlier, lib)
 
 
-def with_earlier(rows: Array, earlier: Array | None, lib: Library) -> Array:
-    """Rows over π (m, 10 n) with those of information on β (n_b, n_b)."""
-    if earlier is None:
-        return rows
-    values, vectors = np.linalg.eigh(earlier)
-    root = (vectors * np.sqrt(np.maximum(values, 0.0))).T
-    return np.vstack([rows, root @ lib.base_matrix])
+def error_of_fit(lib: Library, samples: Samples, fit: Fit) -> Array:
+    """Distance of a model from its data with hardly any prior, (10 n,), as `identify` counts it."""
+    weights, noise = fit.noise()
+    data, _ = reduce(fit.statistics or compress(lib, samples, weights), samples.equations)
+    scale = np.sqrt(max(noise.density, np.finfo(float).tiny))
+    reference, _ = vague_posterior(lib, prior_of(lib), data.factor / scale, data.target / scale)
+    return fit.pi - reference
 
 
 def facts(sigma: Expected, lib: Library, payload_only: bool = False) -> dict[str, object]:

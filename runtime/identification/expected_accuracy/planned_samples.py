@@ -11,12 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.entropic_prior import CAD, prior_of
+from runtime.estimators.convex.entropic_prior import CAD
 from runtime.estimators.convex.map_estimate import fit_map
-from runtime.estimators.problem import Problem
-from runtime.estimators.regression.factor import Statistics, compress, reduce
+from runtime.estimators.problem import Fit, Problem
+from runtime.estimators.regression.factor import Statistics, compress
 from runtime.estimators.regression.samples import Samples, residuals, samples_of, thesis_weights
-from runtime.estimators.uncertainty import vague_posterior
 from runtime.excitation import Trajectory
 from runtime.excitation.search.information import FRICTION
 from runtime.library import Array, Library
@@ -76,8 +75,7 @@ class Noise:
 
     sigma: Array  # s_j, (n,) N·m or N
     inflation: float  # N / N_eff of correlated residuals, those of the way out and back included
-    pi: Array  # parameters of the model, (10 n,)
-    error: Array  # distance of the model from the data with hardly any prior, (10 n,)
+    fit: Fit  # the model
     rest: Array  # residuals, (N, n) [N·m, N]
     repeated: float  # rows that count as one because a motion out and back repeats model error
 
@@ -123,13 +121,8 @@ def noise_of(lib: Library, moved: MotionSamples, kappa: float = CAD) -> Noise | 
     row_weights, noise = fit.noise()
     rest = residuals(lib, samples, fit.pi, fit.phi)
     repeated = 1.0 + repetition(samples.q, rest * np.sqrt(row_weights))
-    # Error of the estimate, as `identify` counts it.
-    statistics = fit.statistics or compress(lib, samples, row_weights)
-    data, _ = reduce(statistics, samples.equations)
-    scale = np.sqrt(max(noise.density, np.finfo(float).tiny))
-    reference, _ = vague_posterior(lib, prior_of(lib), data.factor / scale, data.target / scale)
     sigma = np.sqrt(noise.variance / row_weights)
-    return Noise(sigma, noise.inflation * repeated, fit.pi, fit.pi - reference, rest, repeated)
+    return Noise(sigma, noise.inflation * repeated, fit, rest, repeated)
 
 
 def repetition(q: Array, rest: Array) -> float:
@@ -169,3 +162,12 @@ def information_of_logs(
         block = statistics.triangle()[first:size, first:size]
         total += block.T @ block
     return total
+
+
+def with_earlier(rows: Array, earlier: Array | None, lib: Library) -> Array:
+    """Rows over π (m, 10 n) with those of information on β (n_b, n_b)."""
+    if earlier is None:
+        return rows
+    values, vectors = np.linalg.eigh(earlier)
+    root = (vectors * np.sqrt(np.maximum(values, 0.0))).T
+    return np.vstack([rows, root @ lib.base_matrix])

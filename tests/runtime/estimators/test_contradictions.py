@@ -11,8 +11,8 @@ import pytest
 
 from runtime import identify, read_recording
 from runtime.estimators import uncertainty
-from runtime.estimators.convex.constraints import Constraints
 from runtime.estimators.convex.entropic_prior import bodies_of
+from runtime.estimators.convex.newton import Constraints
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.regression.causes import GAIN, ZERO, Cause
 from runtime.estimators.regression.samples import samples_of

@@ -155,7 +155,7 @@ def test_the_noise_of_a_prior_is_read_again(lib: Library, fleet: Fleet, tmp_path
 
 
 def _trusted():  # type: ignore[no-untyped-def]
-    from runtime.estimators.convex.constraints import Constraints
+    from runtime.estimators.convex.newton import Constraints
     from runtime.estimators.prior_file import PriorFile
 
     return PriorFile(400.0, Constraints((), ()))

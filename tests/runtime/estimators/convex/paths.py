@@ -3,16 +3,9 @@
 import numpy as np
 import pytest
 
+from runtime.estimators.classical.pc_ols import PATIENCE, Path, gamma_sequence, path_of
 from runtime.estimators.convex.entropic_prior import Prior
-from runtime.estimators.convex.newton import (
-    PATIENCE,
-    Minimum,
-    Path,
-    convex_problem,
-    gamma_sequence,
-    minimise,
-    path_of,
-)
+from runtime.estimators.convex.newton import Minimum, convex_problem, minimise
 from runtime.estimators.regression.factor import Reduced
 from runtime.library.parameters import N_PARAMETERS
 

@@ -6,10 +6,15 @@ Oracles are closed forms and Monte Carlo, so that no figure is compared with its
 import numpy as np
 import pytest
 
-from runtime.estimators.convex.constraints import ConstraintRow, Constraints, constrained
 from runtime.estimators.convex.entropic_prior import CAD, prior_of
 from runtime.estimators.convex.map_estimate import fit_map
-from runtime.estimators.convex.newton import convex_problem, minimise
+from runtime.estimators.convex.newton import (
+    ConstraintRow,
+    Constraints,
+    constrained,
+    convex_problem,
+    minimise,
+)
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.factor import Reduced, compress, reduce
 from runtime.estimators.regression.samples import Samples

@@ -5,25 +5,17 @@ import numpy as np
 import pytest
 
 from runtime.errors import IdentificationError
-from runtime.estimators.classical.pc_ols import cone_optimum
+from runtime.estimators.classical.pc_ols import SMALLEST_GAP, cone_optimum, gamma_sequence
 from runtime.estimators.contradictions import prior_test
 from runtime.estimators.convex.entropic_prior import (
     CAD,
     bodies_of,
     log_evidence,
+    prior_about,
     prior_from,
     prior_of,
 )
-from runtime.estimators.convex.newton import (
-    SMALLEST_GAP,
-    HalfSpaces,
-    Subspace,
-    _solved,
-    convex_problem,
-    gamma_sequence,
-    minimise,
-)
-from runtime.estimators.prior_file import prior_about
+from runtime.estimators.convex.newton import HalfSpaces, Subspace, _solved, convex_problem, minimise
 from runtime.estimators.regression.factor import Reduced, Statistics, compress, reduce
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Library

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from runtime.errors import LibraryError
-from runtime.estimators.convex.constraints import Constraints, constrained
+from runtime.estimators.classical.pc_ols import follow_compiled
 from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_from, prior_of
 from runtime.estimators.convex.newton import (
+    Constraints,
     ConvexProblem,
+    constrained,
     convex_problem,
-    follow_compiled,
     minimise,
     minimise_anywhere,
     solve,

@@ -8,10 +8,9 @@ import pytest
 
 from runtime import read_recording
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.constraints import Constraints
 from runtime.estimators.convex.entropic_prior import CAD, GRIPPER, bodies_of, prior_of, spread_of
 from runtime.estimators.convex.map_estimate import fit_map
-from runtime.estimators.convex.newton import convex_problem, minimise
+from runtime.estimators.convex.newton import Constraints, convex_problem, minimise
 from runtime.estimators.descent.fit import fit_levenberg
 from runtime.estimators.prior_file import PriorFile, read_prior
 from runtime.estimators.problem import Problem

@@ -11,6 +11,7 @@ from runtime.excitation.search.information import FRICTION
 from runtime.identification.expected_accuracy.expected import (
     GainOfRecording,
     Knowledge,
+    error_of_fit,
     expected,
     gained,
     growth,
@@ -83,10 +84,11 @@ def test_model_error_of_a_log_widens_its_prediction(lib: Library, noisy: Recordi
     noise = noise_of(lib, samples)
     assert noise is not None
     statistics = samples.statistics(lib, noise.sigma)
-    known = replace(Knowledge.of(lib), pi=noise.pi)
+    known = replace(Knowledge.of(lib), pi=noise.fit.pi)
+    error = error_of_fit(lib, samples.samples, noise.fit)
     alone, whole = (
         expected(lib, statistics, each, noise.inflation)
-        for each in (known, replace(known, error=noise.error))
+        for each in (known, replace(known, error=error))
     )
-    squares = alone.base_map**2 + (lib.base_matrix @ noise.error) ** 2
+    squares = alone.base_map**2 + (lib.base_matrix @ error) ** 2
     assert whole.base_map == pytest.approx(np.sqrt(squares), rel=1e-12)

@@ -21,7 +21,7 @@ The p-value of a hypothesis is multiplied by their number (Bonferroni).
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -201,7 +201,8 @@ class Baseline:
     root: Array  # of the covariance of [β; φ], (p, columns)
     over: Array  # 1/σ of its held-out residual, (n,) [1/(N·m)]; of a free base the logs' own
     changes: scores.Changes  # that are distinguished
-    usual: scores.Usual  # changes of a healthy robot, and errors of the model
+    # of a healthy robot, by the scores of a log that is tested, too
+    usual: Callable[..., scores.Usual]
 
 
 def baseline_of(
@@ -255,8 +256,12 @@ def _baseline(
         scores.scores_of_rows(_rows(lib, saved, over, changes, each), root) for each in references
     ]
     known = _delay_sigma(saved), OF_COMMANDS if of_commands else 1.0, bool(record.doubts)
-    usual = scores.usual_of(changes, root.shape[1], held_out, others, *known)
-    return Baseline(saved, root, over, changes, usual)
+
+    def usual(*later: scores.Scores) -> scores.Usual:
+        return scores.usual_of(changes, root.shape[1], held_out, others, *known, later)
+
+    learnt = usual() if others else None
+    return Baseline(saved, root, over, changes, lambda *later: learnt or usual(*later))
 
 
 def _delay_sigma(saved: SavedResult) -> float:
@@ -298,9 +303,10 @@ def verdict_of(
     lib: Library, baseline: Baseline, recording: WatchedLog, is_known: bool = False
 ) -> Verdict:
     """Test whether a log is that of the robot of a result; a known one is in the baseline."""
-    saved, changes, usual = baseline.saved, baseline.changes, baseline.usual
+    saved, changes = baseline.saved, baseline.changes
     rows = _rows(lib, saved, baseline.over, changes, recording)
     seen = scores.scores_of_rows(rows, baseline.root)
+    usual = baseline.usual(seen)
     mean, covariance = scores.expected(changes, usual, seen)
     freedom = max(usual.freedom + seen.blocks - 1, 1.0)
     lower = np.linalg.cholesky(covariance)

@@ -249,7 +249,7 @@ def test_a_doubted_model_is_no_simulation_of_itself(lib: Library, arm: Path) -> 
     rows = read_test_rows(arm, model_of(saved, lib))
     doubted = dataclasses.replace(saved, record=structs.replace(saved.record, doubts=("friction",)))
     sure, wide = (
-        baseline_of(lib, each, root, np.ones(lib.n_joints), rows).usual.scales
+        baseline_of(lib, each, root, np.ones(lib.n_joints), rows).usual().scales
         for each in (saved, doubted)
     )
     assert (wide >= sure).all()

@@ -1,5 +1,6 @@
 """`symgen inspect LOG`: findings about a log, and a recipe that reads it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,8 +18,10 @@ from runtime.errors import RecordingError
 from runtime.inspection import ERROR, INFO, WARNING, Inspection, inspect_log, recipe_text
 from runtime.inspection.inspection import skeleton_text
 from runtime.library import Array
-from runtime.outputs.report.log_figure import draw_log
+from runtime.outputs.report import canvas
+from runtime.recording import Recording
 
+GAP = 10.0  # time step of a gap, in median time steps
 _STYLES = {ERROR: "red", WARNING: "yellow", INFO: "dim"}
 
 
@@ -101,6 +104,42 @@ def inspect_command(given: InspectSettings) -> None:
                 say(f"{what}: {path}")
     todo = inspection.findings if given.strict else inspection.of_level(ERROR, WARNING)
     raise typer.Exit(int(bool(todo)))
+
+
+def draw_log(recording: Recording, path: Path, rest: Sequence[tuple[float, float]] = ()) -> None:
+    """Figure of a recording, a panel per signal, with rests (from, to) [s] and gaps shaded."""
+    signals = {"q [rad or m]": recording.q, "dq": recording.dq, "τ [N·m or N]": recording.tau}
+    panels = {title: values for title, values in signals.items() if values is not None}
+    t, steps = recording.t, np.diff(recording.t)
+    names = recording.joint_names or tuple(str(j + 1) for j in range(recording.n_joints))
+    with canvas.picture(path, (10.0, 1.8 * (len(panels) + 1)), dpi=120) as figure:
+        axes = figure.subplots(len(panels) + 1, 1, sharex=True, squeeze=False)[:, 0]
+        if len(steps):
+            curve = canvas.thinned(t[1:], 1e3 * steps, canvas.POINTS)
+            axes[0].plot(*curve, color=canvas.BLUE, linewidth=0.6)
+            median, most = 1e3 * float(np.median(steps)), 1e3 * float(steps.max())
+            if most > GAP * median:
+                axes[0].set_yscale("log")
+                axes[0].yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+                axes[0].yaxis.set_minor_formatter(lambda *_: "")
+            else:
+                axes[0].set_ylim(0.0, 1.1 * max(most, 1.5 * median))
+        axes[0].set_title("time step [ms]")
+        for axis, (title, values) in zip(axes[1:], panels.items(), strict=True):
+            for j, name in enumerate(names):
+                colour = canvas.CYCLE[j % len(canvas.CYCLE)]
+                axis.plot(*canvas.thinned(t, values[:, j], canvas.POINTS), color=colour, label=name)
+            axis.set_title(title)
+        gaps = np.flatnonzero(steps > GAP * np.median(steps)) if len(steps) else steps[:0]
+        for axis in axes:
+            for start, end in rest:
+                axis.axvspan(start, end, color=canvas.GREY, alpha=0.3, linewidth=0)
+            for i in gaps:
+                axis.axvspan(
+                    t[int(i)], t[int(i) + 1], color=canvas.VERMILION, alpha=0.3, linewidth=0
+                )
+        axes[-1].set_xlabel("time [s]; grey: rest, red: gaps")
+        axes[1].legend(loc="upper right", ncols=len(names), fontsize=6)
 
 
 def _show(inspection: Inspection) -> None:

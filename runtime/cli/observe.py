@@ -32,7 +32,7 @@ from runtime.monitoring.noise import alarm_rate, read_held_out
 from runtime.monitoring.observer import wrench_at
 from runtime.outputs import torque_mcap
 from runtime.outputs.observer_c import FILES, observer_c
-from runtime.outputs.report.log_figure import draw_external_torque
+from runtime.outputs.report import canvas
 from runtime.recording import Recording
 from runtime.recording.consistency import require_plausible
 
@@ -248,6 +248,31 @@ def _calibration(tails: tuple[Tail, ...], detector: observation.Detector) -> dic
         "largest": [float(tail.peaks[0]) for tail in tails],
         "shape": [tail.shape for tail in tails],
     }
+
+
+def draw_external_torque(
+    seen: observation.Observation, names: tuple[str, ...], units: tuple[str, ...], path: Path
+) -> None:
+    """Write a figure with one panel per joint: r, its thresholds, contacts shaded."""
+    t = seen.t
+    rows = np.arange(0, len(t), max(1, len(t) // canvas.POINTS))
+    with canvas.picture(path, (10.0, 1.2 + 1.1 * len(names)), dpi=110) as figure:
+        axes = np.atleast_1d(figure.subplots(len(names), 1, sharex=True))
+        for j, (axis, name, unit) in enumerate(zip(axes, names, units, strict=True)):
+            for contact in seen.contacts:
+                if contact.number == j:
+                    axis.axvspan(
+                        contact.time_s, contact.end_s, color=canvas.VERMILION, alpha=0.3, lw=0
+                    )
+            curve = canvas.thinned(t, seen.r[:, j], canvas.POINTS)
+            axis.plot(*curve, color=canvas.BLUE, linewidth=0.8)
+            for sign in (1, -1):
+                bound = sign * seen.threshold[rows, j]
+                axis.plot(t[rows], bound, color=canvas.GREY, linewidth=0.8)
+            axis.set_title(f"{name} [{unit.replace('*', '·')}]")
+            axis.margins(x=0)
+        axes[-1].set_xlabel("t [s]")
+        canvas.heading(figure, "external torque (blue), thresholds (grey), contacts (shaded)")
 
 
 def _show(facts: dict[str, Any], folder: Path) -> None:

@@ -25,13 +25,14 @@ from runtime.identification.prepared_log import prepared_log
 from runtime.identification.settings import Settings
 from runtime.library import Array, Library
 from runtime.library.manifest import common_unit, torque_units
-from runtime.outputs.report.log_figure import draw_growth
+from runtime.outputs.report import canvas
 from runtime.recording import Friction, read_recording
 from runtime.recording.free_base import read_free_base
 from runtime.recording.settings import COLUMNS
 from runtime.simulation import sample_times
 
 MOST_ROWS = 300_000  # most rows of a planned log; each takes 1 kB with the regressor of its blocks
+DASHES = "-", "--", ":"  # of the links, when all colours are taken
 SAME = "same"  # value of --more: the same motion again
 
 
@@ -131,6 +132,41 @@ def predict_command(given: PredictSettings) -> None:
     _show_steps(steps)
     if given.plot is not None:
         say(f"plot: {given.plot}")
+
+
+def draw_growth(growth: accuracy.Growth, path: Path) -> None:
+    """Write two panels over time: σ of every mass, and σ of the worst base parameter."""
+    with canvas.picture(path, (10.0, 4.6), dpi=130) as figure:
+        masses, worst = figure.subplots(1, 2, sharex=True)
+        for k, (name, sigma) in enumerate(zip(growth.links, growth.masses.T, strict=True)):
+            style = DASHES[k // len(canvas.CYCLE) % len(DASHES)]
+            colour = canvas.CYCLE[k % len(canvas.CYCLE)]
+            masses.plot(growth.seconds, 1e3 * sigma, color=colour, linestyle=style, label=name)
+        is_known = np.isfinite(growth.payload)
+        if is_known.any():
+            masses.plot(
+                growth.seconds[is_known],
+                1e3 * growth.payload[is_known],
+                color=canvas.INK,
+                linewidth=2.0,
+                label="payload of 1 kg on a known arm",
+            )
+        masses.set_title("σ of masses [g], MAP with the URDF as prior")
+        worst.plot(growth.seconds, 100 * growth.worst, color=canvas.INK)
+        worst.set_title(
+            f"largest σ of a base parameter [% of its value]; at the end: {growth.worst_name}"
+        )
+        for axis in (masses, worst):
+            axis.set_yscale("log")
+            axis.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+            axis.margins(x=0)
+            axis.set_xlabel("recording time [s]")
+            if growth.seconds[-1] > growth.recorded:
+                span = growth.recorded, float(growth.seconds[-1])
+                axis.axvspan(*span, color=canvas.GREY, alpha=0.25, linewidth=0)
+        figure.legend(*masses.get_legend_handles_labels(), loc="outside lower left", ncols=4)
+        further = f"; grey: {growth.further}" if growth.seconds[-1] > growth.recorded else ""
+        canvas.heading(figure, f"{growth.robot}, {growth.motion}, {growth.recorded:.3g} s{further}")
 
 
 OF_WALK = ("trajectory", "robot", "yes", "friction", "cutoff", "more", "as_json")

@@ -30,12 +30,10 @@ from runtime.estimators.regression.posterior import posterior_of
 from runtime.estimators.uncertainty import LogInformation, without_gains
 from runtime.identification.identified import Identification
 from runtime.identification.result_record import FrictionPart
-from runtime.identification.saved_result import SavedResult
+from runtime.identification.saved_result import POSTERIOR, SavedResult
 from runtime.library import Array, Library, Mask
 from runtime.recording.formats.npz import open_npz, record_from_arrays, refusing
 from runtime.recording.settings import SPRING, names_where
-
-FILE = "posterior.npz"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,7 +104,7 @@ def posterior_of_result(result: Identification) -> SavedPosterior | None:
 
 def read_posterior(result: Path, saved: SavedResult, lib: Library) -> SavedPosterior:
     """Read the posterior of a result."""
-    path = folder_of(result) / FILE
+    path = folder_of(result) / POSTERIOR
     with refusing(
         f"expected '{path}', which identify writes beside result.json, and there is none; "
         "identify again with this version and a method that states uncertainties",

@@ -1,4 +1,4 @@
-"""Writer of result.json, predictions.npz and posterior.npz, whole or not at all; warnings in it."""
+"""Content of result.json, predictions.npz and posterior.npz from a result; warnings in it."""
 
 import re
 from collections.abc import Iterable
@@ -7,10 +7,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 
-from runtime.common.files import replacing, write_json
 from runtime.common.tables import significant
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.pc_ols import BOUNDARY
@@ -21,17 +19,18 @@ from runtime.estimators.regression.causes import GAIN
 from runtime.estimators.regression.factor import compress
 from runtime.estimators.regression.samples import NORMAL_95, samples_of
 from runtime.estimators.uncertainty import BAND_SAMPLES
-from runtime.identification import metrics, posterior_file, saved_result, statistics_file
+from runtime.identification import metrics, saved_result
 from runtime.identification import result_record as schema
 from runtime.identification.free_base.result import FreeBaseIdentification
 from runtime.identification.identified import Identification, torque_errors
-from runtime.identification.posterior_file import friction_sigma
+from runtime.identification.posterior_file import friction_sigma, posterior_of_result
 from runtime.library import Array, Library, load, require_library
 from runtime.library.manifest import file_units
 from runtime.recording import Preparation, Recording
-from runtime.recording.formats.npz import write_arrays
+from runtime.recording.formats.npz import arrays_of
 from runtime.recording.preprocessing import is_filtered
-from runtime.recording.recipes.recipe import COMMANDED
+from runtime.recording.recipes.recipe import COMMANDED, Recipe
+from runtime.recording.recipes.recipe_file import recipe_text
 from runtime.recording.rest_speeds import STILL
 from runtime.recording.settings import COLUMNS, WIDTHS
 
@@ -232,7 +231,7 @@ def record_of(result: Identification, command: str) -> schema.ResultRecord:
             verdict=estimated.verdicts,
         )
     if (drive := result.drive) is not None:
-        late, sigma = drive.delay_parts(), posterior_file.friction_sigma(result)
+        late, sigma = drive.delay_parts(), friction_sigma(result)
         drives = drive.parts(lib.joint_names, result.usual_phi, sigma, result.friction.columns)
     if (fit := result.trained) is not None:
         values = schema.plain(replace(result, phi=fit.phi).usual_phi)
@@ -290,13 +289,38 @@ def record_about(lib: Library, pi: Array, lam: Array | None, **facts: Any) -> sc
     )
 
 
+def predictions_of(result: Identification) -> dict[str, Any]:
+    """Torques of both models over the test part, row marks and recipe."""
+    test = samples_of(result.test, result.lib)
+    arrays: dict[str, Any] = {
+        "t": np.asarray(result.test.t),
+        "dq": test.dq,
+        "measured": test.tau,
+        "before": result.before(result.test),
+        "after": result.predict_test(),
+    }
+    if test.base is None:  # scores of a later log are compared with those of these rows
+        arrays |= {"q": test.q, "ddq": test.ddq, "columns": test.columns}
+    if (recipe := of_further_logs(result)) is not None:
+        arrays["recipe"] = recipe_text(recipe)
+    if result.row_marks is not None:
+        arrays["row_marks"] = result.row_marks
+    return arrays
+
+
+def of_further_logs(result: Identification) -> Recipe | None:
+    """Recipe of the log without what holds for its own rows."""
+    recipe = result.train.recipe
+    return None if recipe is None else recipe.replace(leave_out=(), split=None)
+
+
 def opened(
     result: AnyResult, lib: Library | None, same_bodies: bool = False
 ) -> tuple[saved_result.SavedResult, Library, tuple[str, ...]]:
     """Result of any kind as `read_result` gives it, its library or the given one, and notes."""
     if isinstance(result, Identification):
         place, lib = f"the result of {result.lib.name}", result.lib if lib is None else lib
-        record, recipe = record_of(result, ""), statistics_file.of_further_logs(result)
+        record, recipe = record_of(result, ""), of_further_logs(result)
         saved = saved_result.saved_from(record, place, True, result.row_marks, recipe)
     elif isinstance(result, saved_result.SavedResult):
         saved, place = result, f"the result of {result.record.robot}"
@@ -336,7 +360,13 @@ def write_result(
         )
     if not isinstance(folder, str | PathLike):
         raise IdentificationError(f"expected the folder of a result, got {folder!r:.60}")
-    folder = Path(folder)
+    files = files_of(result, command)
+    files.write(Path(folder))
+    return files.record
+
+
+def files_of(result: NewResult, command: str) -> saved_result.ResultFiles:
+    """Content of the files of a result."""
     largest = float(np.abs([*result.pi, *np.ravel(result.usual_phi)]).max())
     if not largest < saved_result.LARGEST_VALUE:  # which no reader would accept
         raise IdentificationError(
@@ -345,18 +375,14 @@ def write_result(
             "that the motion does not excite, or use a method with a prior (map)"
         )
     if isinstance(result, Identification):
-        record, rows = record_of(result, command), statistics_file.predictions_of(result)
-        posterior = posterior_file.posterior_of_result(result)
+        record, rows = record_of(result, command), predictions_of(result)
+        posterior = posterior_of_result(result)
     else:
         record, posterior = result.record, result.written_posterior
         record = record.replace(provenance=record.provenance.replace(command=command))
         rows = result.predictions | {"row_marks": result.row_marks}
-    if posterior is not None:
-        write_arrays(folder / posterior_file.FILE, posterior)
-    with replacing(folder / statistics_file.PREDICTIONS) as content:
-        np.savez(content, **rows)  # noise does not compress
-    write_json(folder / "result.json", msgspec.to_builtins(record))
-    return record
+    arrays = None if posterior is None else arrays_of(posterior)
+    return saved_result.ResultFiles(record, rows, arrays)
 
 
 def provenance_of(

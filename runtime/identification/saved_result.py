@@ -1,4 +1,7 @@
-"""Reader of result.json, and whether its parameters hold for the model of a library.
+"""Files of a result, written and read, and whether its π holds for the model of a library.
+
+result.json is a `ResultRecord`; predictions.npz holds torques over the test part, marks of the rows
+that were fitted, and the recipe; posterior.npz is read by `posterior_file`.
 
 π is written in the frames of the links, so that it holds for any library whose joints have the same
 placements. Another gravity, other inertials or a newer generator leave π valid and are noted. Other
@@ -6,17 +9,19 @@ fixed links counted into the moving ones mean that π belongs to other bodies.
 """
 
 import re
+import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import inf, isfinite, prod
 from os import PathLike
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import msgspec
 import numpy as np
 
-from runtime.common.files import json_of, values_of
+from runtime.common.files import folder_of, json_of, replacing, require_file, values_of, write_json
 from runtime.common.records import Vector3, record_from_table
 from runtime.common.tables import Table
 from runtime.common.user_builds import NAME
@@ -32,15 +37,16 @@ from runtime.identification.result_record import (
     ResultRecord,
 )
 from runtime.identification.result_tables import error_table, link_table, parameter_columns
-from runtime.identification.statistics_file import LARGEST_ACCEPTED, fitted_rows
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.current_gains import CurrentGains
+from runtime.recording.formats.npz import open_npz
 from runtime.recording.notebook import Framed
 from runtime.recording.reader import read_further
 from runtime.recording.recipes.recipe import Recipe
+from runtime.recording.recipes.recipe_file import recipe_from_table
 from runtime.recording.row_marks import Marks, row_hashes, share_of_rows
 from runtime.recording.unit_conversion import scaled
 
@@ -124,6 +130,9 @@ def same_place(a: JointPlace, b: JointPlace) -> bool:
     return near and (a.kind, a.parent) == (b.kind, b.parent)
 
 
+LARGEST_ACCEPTED = 1e100
+"""Size from which on a number is damage [SI]: its square times that of another overflows, and
+matplotlib cannot draw much larger ones."""
 LARGEST_VALUE = 1e9  # bound of π and φ in SI units; larger values and NaN are refused
 _SHAPE = re.compile(r"\((?P<sides>[\w ]+,[\w ,]*)\)(?P<empty>;| or empty)?")
 """Shape of a list in the meaning of its key."""
@@ -197,6 +206,27 @@ class SavedResult(Framed):
         if len(names) * N_PARAMETERS != len(self.pi):  # an old file may state other bodies
             names = [f"body {k + 1}" for k in range(len(self.pi) // N_PARAMETERS)]
         return parameter_columns(names, value=self.pi, sigma=known and known.pi_sigma)
+
+
+POSTERIOR, PREDICTIONS = "posterior.npz", "predictions.npz"  # beside result.json
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ResultFiles:
+    """Content of the files of a result."""
+
+    record: ResultRecord  # of result.json
+    predictions: dict[str, Any]  # torques over the test part, row marks and recipe
+    posterior: dict[str, Any] | None  # fields of its posterior; None without one
+
+    def write(self, folder: Path) -> None:
+        """Write every file, each as a whole or not at all."""
+        if self.posterior is not None:
+            with replacing(folder / POSTERIOR) as content:
+                np.savez_compressed(content, **self.posterior)
+        with replacing(folder / PREDICTIONS) as content:
+            np.savez(content, **self.predictions)  # noise does not compress
+        write_json(folder / "result.json", msgspec.to_builtins(self.record))
 
 
 def read_record(path: Path) -> ResultRecord:
@@ -287,6 +317,47 @@ def _require_shapes(part: Part, sizes: Mapping[str, int], place: str = "") -> No
             if isinstance(each, Part):
                 index = "" if many is None else f"[{k}]"
                 _require_shapes(each, sizes, f"{place}{name}{index}.")
+
+
+def read_predictions(result: Path, **shapes: tuple[int, ...]) -> dict[str, Array]:
+    """Instants t (N,) and named arrays (N, …) of finite numbers from the file of a result."""
+    path = folder_of(result) / PREDICTIONS
+    expected = ", ".join(f"{name} {_text(shape)}" for name, shape in shapes.items())
+    fault = (
+        "identify again, or give the output folder of an identification; expected t (N,), "
+        f"{expected}"
+    )
+    try:
+        file = open_npz(require_file(path).read_bytes(), path.name)
+        arrays = {name: np.asarray(file[name], dtype=float) for name in ("t", *shapes)}
+    except OSError as error:
+        reason = error.strerror or error
+        raise RecordingError(f"cannot read '{path}' ({reason}); {fault}") from None
+    except (RecordingError, ValueError, KeyError, TypeError):
+        raise RecordingError(f"'{path}' is damaged; {fault}") from None
+    t = arrays["t"]
+    if t.ndim != 1 or len(t) < 2 or any(arrays[n].shape != (len(t), *shapes[n]) for n in shapes):
+        came = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
+        raise RecordingError(f"'{path}' holds {came}; {fault}")
+    if not all(np.abs(x).max(initial=0.0) <= LARGEST_ACCEPTED for x in arrays.values()):  # nor NaN
+        raise RecordingError(f"'{path}' holds NaN or numbers above {LARGEST_ACCEPTED:g}; {fault}")
+    return arrays
+
+
+def fitted_rows(result: Path) -> tuple[Marks | None, Recipe | None]:
+    """Marks of the rows that were fitted, and recipe of their log, where the file holds them."""
+    try:
+        with np.load(require_file(folder_of(result) / PREDICTIONS), allow_pickle=False) as arrays:
+            marks, text = (arrays.get(name, np.zeros(0)) for name in ("row_marks", "recipe"))
+            table = tomllib.loads(str(text)) if text.dtype.kind == "U" else None
+            recipe = None if table is None else recipe_from_table(table)
+    except (OSError, ValueError, LookupError, BadZipFile, RecordingError):
+        return None, None
+    return marks if marks.dtype == np.uint64 and marks.ndim == 1 else None, recipe
+
+
+def _text(shape: tuple[int, ...]) -> str:
+    return f"({', '.join(map(str, ('N', *shape)))})"
 
 
 def read_result(folder: str | PathLike[str], with_learned: bool = False) -> SavedResult:

@@ -1,44 +1,34 @@
-"""statistics.npz, the compressed training samples of one unit for `fleet`, and predictions.npz.
+"""statistics.npz: the compressed training samples of one unit for `fleet`.
 
     ‖R [K π; φ] − r‖² / S    over base parameters K π and friction coefficients φ
 
 R and r are those of the result, S is the variance with which the noise enters the unknowns. The
 size does not depend on the length of the log (about 20 kB for seven joints), and no sample of the
-motion can be computed from it. predictions.npz holds torques over the test part, marks of the rows
-that were fitted, and the recipe.
+motion can be computed from it.
 """
 
-import tomllib
 from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
-from runtime.common.files import bytes_of, folder_of, require_file
+from runtime.common.files import bytes_of
 from runtime.common.records import Positive
 from runtime.common.user_builds import NAME
-from runtime.errors import IdentificationError, RecordingError
+from runtime.errors import IdentificationError
 from runtime.estimators.regression.factor import Statistics
-from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import LogInformation
 from runtime.identification.identified import Identification
+from runtime.identification.saved_result import LARGEST_ACCEPTED
 from runtime.library import Array, Library
 from runtime.recording.formats.npz import open_npz, record_from_arrays, refusing, write_arrays
 from runtime.recording.friction.columns import OFFSET
-from runtime.recording.recipes.recipe import Recipe
-from runtime.recording.recipes.recipe_file import recipe_from_table, recipe_text
-from runtime.recording.row_marks import Marks
 from runtime.recording.settings import WIDTHS, Friction
 
 FILE = "statistics.npz"
 FORMAT = 1  # version of the file; a later one is refused
 MARK = "symgen_statistics"  # key of the version, by which the file is recognised
-LARGEST_ACCEPTED = 1e100
-"""Size from which on a number is damage [SI]: its square times that of another overflows, and
-matplotlib cannot draw much larger ones."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,72 +144,3 @@ def _columns(result: Identification) -> tuple[str, ...]:
             *(OFFSET.name for _ in range(logs)),
         )
     return (result.train.column_names or names) if result.phi.size else ()
-
-
-PREDICTIONS = "predictions.npz"
-
-
-def predictions_of(result: Identification) -> dict[str, Any]:
-    """Torques of both models over the test part, row marks and recipe."""
-    test = samples_of(result.test, result.lib)
-    arrays: dict[str, Any] = {
-        "t": np.asarray(result.test.t),
-        "dq": test.dq,
-        "measured": test.tau,
-        "before": result.before(result.test),
-        "after": result.predict_test(),
-    }
-    if test.base is None:  # scores of a later log are compared with those of these rows
-        arrays |= {"q": test.q, "ddq": test.ddq, "columns": test.columns}
-    if (recipe := of_further_logs(result)) is not None:
-        arrays["recipe"] = recipe_text(recipe)
-    if result.row_marks is not None:
-        arrays["row_marks"] = result.row_marks
-    return arrays
-
-
-def of_further_logs(result: Identification) -> Recipe | None:
-    """Recipe of the log without what holds for its own rows."""
-    recipe = result.train.recipe
-    return None if recipe is None else recipe.replace(leave_out=(), split=None)
-
-
-def read_predictions(result: Path, **shapes: tuple[int, ...]) -> dict[str, Array]:
-    """Instants t (N,) and named arrays (N, …) of finite numbers from the file of a result."""
-    path = folder_of(result) / PREDICTIONS
-    expected = ", ".join(f"{name} {_text(shape)}" for name, shape in shapes.items())
-    fault = (
-        "identify again, or give the output folder of an identification; expected t (N,), "
-        f"{expected}"
-    )
-    try:
-        file = open_npz(require_file(path).read_bytes(), path.name)
-        arrays = {name: np.asarray(file[name], dtype=float) for name in ("t", *shapes)}
-    except OSError as error:
-        reason = error.strerror or error
-        raise RecordingError(f"cannot read '{path}' ({reason}); {fault}") from None
-    except (RecordingError, ValueError, KeyError, TypeError):
-        raise RecordingError(f"'{path}' is damaged; {fault}") from None
-    t = arrays["t"]
-    if t.ndim != 1 or len(t) < 2 or any(arrays[n].shape != (len(t), *shapes[n]) for n in shapes):
-        came = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
-        raise RecordingError(f"'{path}' holds {came}; {fault}")
-    if not all(np.abs(x).max(initial=0.0) <= LARGEST_ACCEPTED for x in arrays.values()):  # nor NaN
-        raise RecordingError(f"'{path}' holds NaN or numbers above {LARGEST_ACCEPTED:g}; {fault}")
-    return arrays
-
-
-def fitted_rows(result: Path) -> tuple[Marks | None, Recipe | None]:
-    """Marks of the rows that were fitted, and recipe of their log, where the file holds them."""
-    try:
-        with np.load(require_file(folder_of(result) / PREDICTIONS), allow_pickle=False) as arrays:
-            marks, text = (arrays.get(name, np.zeros(0)) for name in ("row_marks", "recipe"))
-            table = tomllib.loads(str(text)) if text.dtype.kind == "U" else None
-            recipe = None if table is None else recipe_from_table(table)
-    except (OSError, ValueError, LookupError, BadZipFile, RecordingError):
-        return None, None
-    return marks if marks.dtype == np.uint64 and marks.ndim == 1 else None, recipe
-
-
-def _text(shape: tuple[int, ...]) -> str:
-    return f"({', '.join(map(str, ('N', *shape)))})"

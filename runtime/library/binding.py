@@ -140,15 +140,14 @@ class Binding:
             )
         self._functions = {name: self._bind(kernel) for name, kernel in manifest.kernels.items()}
 
-    def program(self, name: str, *types: Any) -> Callable[..., None]:
+    def program(self, name: str, *types: Any) -> Any:
         """Function of the level that works off jobs; LibraryError where the level has none."""
-        function: Callable[..., None] | None = self.of_level(name)
+        function = self.of_level(name)
         if function is None:
             raise LibraryError(
                 f"the level '{self.level}' of '{self._manifest.robot}' has no compiled descent"
             )
-        function.argtypes, function.restype = types, None  # type: ignore[attr-defined]
-        return function
+        return typed(function, None, *types)
 
     def of_level(self, name: str) -> Any:
         """Function of the level, without types; None where the library has none."""
@@ -156,9 +155,7 @@ class Binding:
 
     def plain(self, name: str, *types: Any) -> Any:
         """Function without a result that all levels share."""
-        function = self._symbol(f"{self._manifest.robot}_{name}")
-        function.argtypes, function.restype = types or None, None
-        return function
+        return typed(self._symbol(f"{self._manifest.robot}_{name}"), None, *types)
 
     def _symbol(self, name: str) -> Any:
         try:
@@ -188,9 +185,7 @@ class Binding:
             function = self._symbol(f"{robot}_{kernel.name}_batch")
         pair = (ctypes.c_void_p, ctypes.c_long)
         taken, given = pair * len(kernel.inputs), pair[:1] * len(kernel.outputs)
-        function.argtypes = (ctypes.c_long, *taken, *given)
-        function.restype = None
-        return function
+        return typed(function, None, ctypes.c_long, *taken, *given)
 
     def call(self, name: str, *values: ArrayLike) -> tuple[Array, ...]:
         """All outputs (N, *shape) of a kernel over a batch (N, *shape)."""
@@ -277,6 +272,12 @@ class Binding:
             return
         with ThreadPoolExecutor(min(threads, count)) as pool:
             list(pool.map(part, range(count)))
+
+
+def typed(function: Any, result: Any, *arguments: Any) -> Any:
+    """A function of the library with the types of its result and arguments."""
+    function.restype, function.argtypes = result, arguments
+    return function
 
 
 def _checked(kernel: str, argument: ArgumentFacts, value: ArrayLike) -> Array:

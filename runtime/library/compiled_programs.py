@@ -1,86 +1,19 @@
-"""Compiled programs of a level on NumPy arrays: statistics, cost of a trajectory, closed loop.
+"""Compiled programs of a level on NumPy arrays: cost of a trajectory, closed loop.
 
-`<robot>_<level>_statistics` and `_join`, `<robot>_<level>_excitation_cost`, `<robot>_closed_loop`.
+`<robot>_<level>_excitation_cost`, `<robot>_closed_loop`.
 """
 
 import ctypes
 import threading
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from runtime.library.arrays import Array
-from runtime.library.binding import LANES, Binding, padded_size, zeros
+from runtime.library.binding import LANES, Binding, padded_size, typed, zeros
 
 _ADDRESS, _LONG = ctypes.c_void_p, ctypes.c_long
-
-
-class CompiledStatistics:
-    """Triangles R of samples, and of triangles; columns are [F; Y_b; τ], friction joint by joint.
-
-    The calls leave Python's lock, so that several threads may run them at once.
-    """
-
-    def __init__(self, of_level: Callable[[str], Any], update: Any, joints: int, base: int) -> None:
-        self._joints, self._base = joints, base
-        pointers = (_ADDRESS,) * 5
-        self._update = _typed(update, None, _ADDRESS, ctypes.c_double, *pointers)
-        self._work = _typed(of_level("statistics_work"), _LONG, _LONG)
-        self._join_work = _typed(of_level("statistics_join_work"), _LONG, _LONG, _LONG)
-        state = (_ADDRESS,) * 4
-        ends = (*(_ADDRESS,) * 5, _LONG)
-        self._run = _typed(of_level("statistics"), _LONG, _LONG, *state, _LONG, *ends)
-        self._join = _typed(of_level("statistics_join"), None, _LONG, _LONG, *(_ADDRESS,) * 3)
-
-    def triangle(
-        self,
-        q: Array,
-        dq: Array,
-        ddq: Array,
-        tau: Array,
-        columns: Array,  # (N, n, k)
-        weights: Array,  # (n,)
-        sample_weights: Array | None,  # (N,)
-        products: bool = True,
-    ) -> tuple[Array, int]:
-        """Triangle R with RᵀR = Σ s [F Y_b τ]ᵀ W [F Y_b τ], diagonal ≥ 0, of contiguous arrays."""
-        k = columns.shape[2]
-        size = self._joints * k + self._base + 1
-        work, triangle = np.empty(self._work(k)), np.empty((size, size))
-        state = (a.ctypes.data for a in (q, dq, ddq, tau))
-        extra = None if sample_weights is None else sample_weights.ctypes.data
-        ends = (weights.ctypes.data, extra, work.ctypes.data, triangle.ctypes.data)
-        multiplied = self._run(len(q), *state, k, columns.ctypes.data, *ends, int(products))
-        return triangle, int(multiplied)
-
-    def update(
-        self,
-        triangle: Array,
-        forgetting: float,
-        q: Array,
-        dq: Array,
-        ddq: Array,
-        tau: Array,
-        weights: Array,
-    ) -> None:
-        """Add one sample to a triangle (n_b + 1, n_b + 1) over [β; τ], in place."""
-        state = (a.ctypes.data for a in (q, dq, ddq, tau, weights))
-        self._update(triangle.ctypes.data, forgetting, *state)
-
-    def join(self, triangles: Array) -> Array:
-        """One triangle (p, p) for the rows of several, (count, p, p) and contiguous."""
-        count, size = triangles.shape[:2]
-        work, triangle = np.empty(self._join_work(size, count)), np.empty((size, size))
-        ends = (triangles.ctypes.data, work.ctypes.data, triangle.ctypes.data)
-        self._join(size, count, *ends)
-        return triangle
-
-
-def _typed(function: Any, result: Any, *arguments: Any) -> Any:
-    function.restype, function.argtypes = result, arguments
-    return function
 
 
 _POINTER = ctypes.POINTER(ctypes.c_double)
@@ -102,8 +35,8 @@ class CompiledExcitation:
 
     def __init__(self, cost: Any, work: Any, home: Array, basis: Array) -> None:
         """Take home (n,) [rad, m] and basis (N, M, 3), φ, φ', φ'' at the samples."""
-        self._cost = _typed(cost, ctypes.c_double, *(_ADDRESS,) * 3)
-        self._work = _typed(work, _LONG, _ADDRESS)
+        self._cost = typed(cost, ctypes.c_double, *(_ADDRESS,) * 3)
+        self._work = typed(work, _LONG, _ADDRESS)
         self._home = np.array(home, dtype=float)
         self._samples, self._harmonics, _ = basis.shape
         self._basis = tiled(basis)

@@ -1,5 +1,6 @@
 """A robot by name or folder, and one typed NumPy method per kernel of it."""
 
+import ctypes
 import os
 from dataclasses import dataclass
 from importlib import import_module
@@ -12,12 +13,71 @@ from runtime.common.files import sha256_of
 from runtime.common.user_builds import NAME, built_folders, is_user_build
 from runtime.errors import LibraryError
 from runtime.library.arrays import Array
-from runtime.library.binding import Binding
-from runtime.library.compiled_programs import CompiledStatistics
+from runtime.library.binding import Binding, typed
 from runtime.library.free_base import FREEDOM, ROWS
 from runtime.library.joint_kernels import BodyKernels, JointKernels, ProofKernels, SafetyKernels
 from runtime.library.manifest import read_manifest
 from runtime.library.motion_kernels import MotionKernels
+
+
+class CompiledStatistics:
+    """Triangles R of samples, and of triangles; columns are [F; Y_b; τ], friction joint by joint.
+
+    The calls leave Python's lock, so that several threads may run them at once.
+    """
+
+    def __init__(self, binding: Binding, joints: int, base: int) -> None:
+        self._joints, self._base = joints, base
+        of_level, count, address = binding.of_level, ctypes.c_long, ctypes.c_void_p
+        state, ends = (address,) * 4, (*(address,) * 5, count)
+        self._update = binding.plain("statistics_update", address, ctypes.c_double, *(address,) * 5)
+        self._work = typed(of_level("statistics_work"), count, count)
+        self._join_work = typed(of_level("statistics_join_work"), count, count, count)
+        self._run = typed(of_level("statistics"), count, count, *state, count, *ends)
+        self._join = typed(of_level("statistics_join"), None, count, count, *(address,) * 3)
+
+    def triangle(
+        self,
+        q: Array,
+        dq: Array,
+        ddq: Array,
+        tau: Array,
+        columns: Array,  # (N, n, k)
+        weights: Array,  # (n,)
+        sample_weights: Array | None,  # (N,)
+        products: bool = True,
+    ) -> tuple[Array, int]:
+        """Triangle R with RᵀR = Σ s [F Y_b τ]ᵀ W [F Y_b τ], diagonal ≥ 0, of contiguous arrays."""
+        k = columns.shape[2]
+        size = self._joints * k + self._base + 1
+        work, triangle = np.empty(self._work(k)), np.empty((size, size))
+        state = (a.ctypes.data for a in (q, dq, ddq, tau))
+        extra = None if sample_weights is None else sample_weights.ctypes.data
+        ends = (weights.ctypes.data, extra, work.ctypes.data, triangle.ctypes.data)
+        multiplied = self._run(len(q), *state, k, columns.ctypes.data, *ends, int(products))
+        return triangle, int(multiplied)
+
+    def update(
+        self,
+        triangle: Array,
+        forgetting: float,
+        q: Array,
+        dq: Array,
+        ddq: Array,
+        tau: Array,
+        weights: Array,
+    ) -> None:
+        """Add one sample to a triangle (n_b + 1, n_b + 1) over [β; τ], in place."""
+        state = (a.ctypes.data for a in (q, dq, ddq, tau, weights))
+        self._update(triangle.ctypes.data, forgetting, *state)
+
+    def join(self, triangles: Array) -> Array:
+        """One triangle (p, p) for the rows of several, (count, p, p) and contiguous."""
+        count, size = triangles.shape[:2]
+        work, triangle = np.empty(self._join_work(size, count)), np.empty((size, size))
+        ends = (triangles.ctypes.data, work.ctypes.data, triangle.ctypes.data)
+        self._join(size, count, *ends)
+        return triangle
 
 
 class Library(JointKernels, MotionKernels, SafetyKernels, ProofKernels, BodyKernels):
@@ -36,10 +96,7 @@ class Library(JointKernels, MotionKernels, SafetyKernels, ProofKernels, BodyKern
         m = self.manifest
         self.compiled_statistics = (
             CompiledStatistics(
-                self.binding.of_level,
-                self.binding.plain("statistics_update"),
-                len(m.joints) + (FREEDOM if m.floating else 0),
-                len(m.base_columns),
+                self.binding, len(m.joints) + (FREEDOM if m.floating else 0), len(m.base_columns)
             )
             if self.binding.of_level("statistics") is not None
             else None

@@ -33,7 +33,7 @@ from scipy.special import ndtr
 from runtime.common.texts import number_of
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.regression.samples import Samples
-from runtime.identification.statistics_file import read_predictions
+from runtime.identification.saved_result import read_predictions
 from runtime.library import Array, Mask
 from runtime.monitoring.model import MonitoredModel
 from runtime.monitoring.observer import ObserverSettings

@@ -41,8 +41,7 @@ from runtime.monitoring import observer
 from runtime.monitoring.model import CHUNK, SLOW, MonitoredModel
 from runtime.recording import Preparation, Recording
 from runtime.recording.friction.model import DAY, LARGE_DAY
-from runtime.recording.preprocessing.pipeline import on_grid
-from runtime.recording.preprocessing.segments import differentiate
+from runtime.recording.preprocessing.segments import differentiate, on_grid
 from runtime.recording.rest_speeds import rest_speeds
 from runtime.recording.settings import JointMotion
 

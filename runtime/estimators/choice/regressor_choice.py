@@ -41,8 +41,8 @@ from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.filters import butterworth_sections, scipy_signal
 from runtime.recording.preprocessing.parts import before_test
-from runtime.recording.preprocessing.pipeline import momentum_torque, on_grid
-from runtime.recording.preprocessing.segments import segments
+from runtime.recording.preprocessing.pipeline import momentum_torque
+from runtime.recording.preprocessing.segments import on_grid, segments
 from runtime.recording.recording import complete_arrays
 
 CANDIDATES = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 50.0, 80.0)

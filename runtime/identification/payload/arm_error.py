@@ -45,7 +45,7 @@ from runtime.estimators.regression.posterior import least_squares
 from runtime.estimators.regression.samples import NORMAL_95, Samples
 from runtime.identification import posterior_file
 from runtime.identification.identified import Identification
-from runtime.identification.saved_result import read_result, require_model
+from runtime.identification.saved_result import POSTERIOR, read_result, require_model
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction, Recording
@@ -102,7 +102,7 @@ def read_arm_model(path: Path, lib: Library) -> ArmModel:
     """Read the arm from a result of identify."""
     saved, root = read_result(path), None
     origin = "; ".join((f"identified, '{path}'", *require_model(saved.record, lib, path)))
-    if (folder_of(path) / posterior_file.FILE).exists():
+    if (folder_of(path) / POSTERIOR).exists():
         root = _root(posterior_file.read_posterior(path, saved, lib), lib, saved.phi)
     return ArmModel(saved.pi, saved.friction, saved.phi, origin, root)
 

@@ -48,6 +48,7 @@ _VARIABLES = {  # CSS variables for colours of pages and of figures that are als
     PALE: "line",
 }
 FORMATS = ("png", "pdf", "svg")
+POINTS = 4000  # largest number of points of one curve of a file
 WIDTH = 10.0  # width of a figure of a page [inch]; the page scales it
 OWNER = "m:"  # prefix of the gid of an artist that belongs to a method
 

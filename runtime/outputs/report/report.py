@@ -18,8 +18,7 @@ from runtime.errors import ExportError
 from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification import result_record
 from runtime.identification.result_tables import error_table, is_consistent, link_table, share_table
-from runtime.identification.saved_result import read_record
-from runtime.identification.statistics_file import read_predictions
+from runtime.identification.saved_result import read_predictions, read_record
 from runtime.library import Array
 from runtime.library.parameters import PI_NAMES
 from runtime.outputs.report.comparison import comparison_page

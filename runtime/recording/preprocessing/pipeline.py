@@ -63,7 +63,7 @@ def prepare(
         RecordingError: a step cannot be taken; the message says which setting to change.
     """
     preparation = preparation or recording.preparation
-    data = on_grid(recording, preparation)
+    data = clock.on_grid(recording, preparation)
     if preparation.regressor != "acceleration" and data.rows is None:
         return _without_accelerations(data, preparation, friction, lib, False, rows)
     wanted = any(terms.columns for terms in friction)
@@ -84,7 +84,7 @@ def prepare_power(
 ) -> Recording:
     """Prepare rows of power: τ and the columns hold dq τ, the regressor is that of energy."""
     preparation = preparation or recording.preparation
-    data = on_grid(recording, preparation)
+    data = clock.on_grid(recording, preparation)
     return _without_accelerations(data, preparation, friction, lib, True, None)
 
 
@@ -119,7 +119,7 @@ def momentum_torque(
     recording: Recording, preparation: Preparation, lib: Library, beta: Array
 ) -> Recording:
     """Low-passed torque of a model without accelerations: F (D P − S R) β instead of τ."""
-    uniform = on_grid(recording, preparation)
+    uniform = clock.on_grid(recording, preparation)
     data = smooth_motion(uniform, lambda raw: _smooth_motion(raw, preparation))
     whole = balanced(data, (), lib, power=False)
     torque = torque_of_rows(data, lib, beta)
@@ -137,21 +137,6 @@ def _smooth_motion(recording: Recording, preparation: Preparation) -> Recording:
     if limit is None:
         return recording
     return low_pass(recording, limit, preparation.order, ("q", "dq"))
-
-
-def on_grid(recording: Recording, preparation: Preparation) -> Recording:
-    """Apply clock, grid and delay of a preparation, without its filter."""
-    data = recording
-    if preparation.clock_tick is not None:
-        data = clock.repair_clock(data, preparation.clock_tick)
-    if preparation.max_gap_s is not None:
-        # As stated, else one instant per tick, else the median rate.
-        tick = preparation.clock_tick
-        rate = preparation.grid_hz or (data.rate_hz if tick is None else 1.0 / tick)
-        data = clock.resample(data, rate, preparation.max_gap_s)
-    if preparation.torque_delay_s is not None:
-        data = clock.advance_torque(data, preparation.torque_delay_s)
-    return data
 
 
 def _reduced(

@@ -19,7 +19,7 @@ from scipy.special import i0
 
 from runtime.errors import RecordingError
 from runtime.library import Array, Integers, Mask
-from runtime.recording import Recording
+from runtime.recording import Preparation, Recording
 from runtime.recording.recording import require_recording
 from runtime.recording.rest_speeds import shown_rest_speed
 
@@ -283,6 +283,21 @@ def advance_torque(recording: Recording, delay_s: float | tuple[float, ...]) -> 
     return recording.replace(tau=advanced).take(
         keep, f"Advanced τ by {shown} ms, its delay behind q ({keep.sum()} rows left)."
     )
+
+
+def on_grid(recording: Recording, preparation: Preparation) -> Recording:
+    """Apply clock, grid and delay of a preparation, without its filter."""
+    data = recording
+    if preparation.clock_tick is not None:
+        data = repair_clock(data, preparation.clock_tick)
+    if preparation.max_gap_s is not None:
+        # As stated, else one instant per tick, else the median rate.
+        tick = preparation.clock_tick
+        rate = preparation.grid_hz or (data.rate_hz if tick is None else 1.0 / tick)
+        data = resample(data, rate, preparation.max_gap_s)
+    if preparation.torque_delay_s is not None:
+        data = advance_torque(data, preparation.torque_delay_s)
+    return data
 
 
 def trim(recording: Recording, seconds: float) -> Recording:

@@ -7,9 +7,9 @@ import pytest
 
 from runtime import Recording
 from runtime.errors import IdentificationError
-from runtime.identification.posterior_file import FILE, read_posterior
+from runtime.identification.posterior_file import read_posterior
 from runtime.identification.result_file import write_result
-from runtime.identification.saved_result import read_result
+from runtime.identification.saved_result import POSTERIOR, read_result
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction
@@ -49,7 +49,7 @@ def test_the_file_gives_the_covariance_of_the_result(
 @pytest.mark.parametrize("damage", ["missing", "cut", "nan", "other", "shape"])
 def test_damaged_files_are_refused(damage: str, folder: Path, lib: Library) -> None:
     """Property: one sentence that says what to run."""
-    path = folder / FILE
+    path = folder / POSTERIOR
     arrays = dict(np.load(path))
     if damage == "missing":
         path.unlink()

@@ -7,7 +7,7 @@ import pytest
 
 from runtime.errors import RecordingError
 from runtime.recording import Preparation, Recording, read_recording
-from runtime.recording.preprocessing.pipeline import on_grid
+from runtime.recording.preprocessing.segments import on_grid
 from runtime.recording.recipes.recipe_file import load_recipe, recipe_text
 from runtime.recording.streamed import open_streamed
 

@@ -29,7 +29,8 @@ from runtime.monitoring.model import MonitoredModel
 from runtime.monitoring.observation import Detector, both_torques, observe, signals_of, usual_torque
 from runtime.monitoring.observer import PAUSE_S, RELEASE
 from runtime.recording import Recording
-from runtime.recording.friction.model import LARGE_DAY, motion_of
+from runtime.recording.friction.model import LARGE_DAY
+from runtime.recording.recording import motion_of
 
 PEAKS = 100
 """Largest number k of peaks per joint to which a tail is fitted: with more, the body of the

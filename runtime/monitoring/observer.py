@@ -31,9 +31,9 @@ from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 from runtime.monitoring.model import AnyModel, MonitoredModel, model_of
 from runtime.recording import Recording
-from runtime.recording.friction.model import motion_of
 from runtime.recording.preprocessing.filters import scipy_signal
 from runtime.recording.preprocessing.segments import segments
+from runtime.recording.recording import motion_of
 from runtime.recording.settings import JointMotion
 
 BANDWIDTH = 100.0  # K_O of the observer unless it is stated [1/s]

@@ -7,7 +7,7 @@ files; `preprocessing` prepares them.
 
 import copy
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Self
 
@@ -16,11 +16,11 @@ from numpy.typing import ArrayLike
 
 from runtime.common.tables import Table
 from runtime.errors import IdentificationError, RecordingError
-from runtime.library import Array
+from runtime.library import Array, Library
 from runtime.recording.current_gains import CurrentGains
 from runtime.recording.notebook import Framed
 from runtime.recording.recipes.recipe import COMMANDED, MEASURED, ControlLaw, Recipe
-from runtime.recording.settings import Preparation
+from runtime.recording.settings import JointMotion, Preparation, signals_for
 
 SHORTEST_STEP, LATEST = 1e-12, 1e12  # of a clock [s]; beyond, derivatives overflow
 
@@ -355,6 +355,13 @@ def complete_arrays(recording: Recording, *keys: str) -> dict[str, Array]:
             "drop those rows before identifying"
         )
     return dense
+
+
+def motion_of(recording: Recording, columns: Iterable[str], lib: Library | None) -> JointMotion:
+    """Motion with the further signals that some friction columns need, where it has them."""
+    signals = {each: recording.signal(each) for each in signals_for(columns)}
+    present = {each: values for each, values in signals.items() if values is not None}
+    return JointMotion(recording.required("dq"), recording.q, recording.ddq, lib, signals=present)
 
 
 DERIVED = {

@@ -14,7 +14,7 @@ Along gravity |τ_g| is 1e-17 N·m instead of zero, and a joint at rest has spee
 coefficient of such a column would be 1e12 and fit the noise of the torque.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,8 +23,8 @@ from runtime.errors import RecordingError
 from runtime.library import Array, Library, Mask
 from runtime.recording.friction.coupled_motors import Coupling, directions, geared, shape_of
 from runtime.recording.recipes.recipe import COMMANDED
-from runtime.recording.recording import DERIVED, Recording
-from runtime.recording.settings import COLUMNS, Friction, JointMotion, signals_for
+from runtime.recording.recording import DERIVED, Recording, motion_of
+from runtime.recording.settings import COLUMNS, Friction, JointMotion
 
 DRIVE = ("viscous", "coulomb", "offset", "rotor")  # names of the columns of one drive
 DAY, LARGE_DAY = 0.05, 0.07
@@ -69,13 +69,6 @@ def _require_signals(motion: JointMotion, terms: tuple[Friction, ...]) -> None:
                     f"but there is none; give a log whose recipe has {where}, or leave the column "
                     "out"
                 )
-
-
-def motion_of(recording: Recording, names: Iterable[str], lib: Library | None) -> JointMotion:
-    """Motion with the further signals that some columns need, where the recording has them."""
-    signals = {each: recording.signal(each) for each in signals_for(names)}
-    present = {each: values for each, values in signals.items() if values is not None}
-    return JointMotion(recording.required("dq"), recording.q, recording.ddq, lib, signals=present)
 
 
 def torque(columns: Array, phi: Array, coupling: Coupling | None = None) -> Array:

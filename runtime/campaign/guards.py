@@ -9,7 +9,7 @@ import numpy as np
 
 from runtime.campaign.driver import Guard, Reference, Sample
 from runtime.errors import IdentificationError
-from runtime.excitation.limits.dependent_joints import (
+from runtime.excitation.limits.nonlinear_limits import (
     DependentJoints,
     dependent_limits,
     dependent_rows,

@@ -36,26 +36,24 @@ from runtime.common.terminal import console, say, show
 from runtime.excitation import COST_SAMPLES, Trajectory
 from runtime.excitation.limits.constraints import FIT_PROXIES
 from runtime.excitation.limits.safety import Safety, unchecked
-from runtime.excitation.motion_profile import profile_of
 from runtime.excitation.proof.certificate import certified, pulled_inside
 from runtime.excitation.search.design import (
     Design,
     design,
     design_several,
     torque_sigma,
+    variation_count,
     with_motion,
 )
 from runtime.excitation.search.design_settings import DesignSettings
-from runtime.excitation.search.finish import variation_count
 from runtime.excitation.search.information import FRICTION, Information
-from runtime.excitation.search.prediction import Prediction, predict
+from runtime.excitation.search.prediction import Prediction, predict, without_unseen
 from runtime.excitation.search.single_start import TRIED
-from runtime.excitation.search.unseen_parameters import without_unseen
 from runtime.excitation.static_poses import RANDOM_SETS, design_poses, pose_json, pose_table
 from runtime.excitation.trajectory_file import write_trajectory
 from runtime.library import Library
 from runtime.library.manifest import common_unit, torque_units
-from runtime.outputs.report.motion_figures import write_pictures
+from runtime.outputs.report.motion_figures import profile_of, write_pictures
 
 
 @contextmanager

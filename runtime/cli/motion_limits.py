@@ -14,9 +14,8 @@ from runtime.errors import RecordingError, RuntimeFault
 from runtime.estimators.convex.entropic_prior import bodies_of, prior_of
 from runtime.estimators.prior_file import TRUST
 from runtime.estimators.regression.samples import NORMAL_95
-from runtime.excitation.limits.carried_body import CarriedBody, CarriedBox, read_obstacles
 from runtime.excitation.limits.constraints import TABLE_MARGIN
-from runtime.excitation.limits.safety import TABLE, Safety
+from runtime.excitation.limits.safety import TABLE, CarriedBody, CarriedBox, Safety, read_obstacles
 from runtime.identification.payload import body as bodies
 from runtime.library import Array, Library
 from runtime.library.parameters import link_columns

@@ -14,7 +14,7 @@ from runtime.common.tables import Table
 from runtime.common.terminal import completing, say, show
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.excitation import Trajectory
-from runtime.excitation.limits.carried_body import OBSTACLE
+from runtime.excitation.limits.distance_limits import OBSTACLE
 from runtime.excitation.limits.safety import Safety, require_consent
 from runtime.excitation.limits.safety import unchecked as unchecked_limits
 from runtime.excitation.motion.trajectory import WAYS, JoinedMotion, joined, require_speed

@@ -24,8 +24,7 @@ from scipy.linalg import qr
 
 from runtime.common.files import json_text
 from runtime.errors import IdentificationError
-from runtime.excitation.limits.constraints import constraints
-from runtime.excitation.limits.limit_rows import DEFAULT_RANGE
+from runtime.excitation.limits.constraints import DEFAULT_RANGE, constraints
 from runtime.excitation.limits.safety import Safety, require_share
 from runtime.library import Array, Indices, Library
 

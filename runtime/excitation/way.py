@@ -21,11 +21,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.excitation.limits.constraints import constraints
-from runtime.excitation.limits.dependent_joints import KINDS as DEPENDENT
+from runtime.excitation.limits.constraints import DEFAULT_ACCELERATION, constraints
 from runtime.excitation.limits.distance_limits import use_of
-from runtime.excitation.limits.limit_rows import DEFAULT_ACCELERATION
-from runtime.excitation.limits.nonlinear_limits import Braking, Constraint
+from runtime.excitation.limits.nonlinear_limits import DEPENDENT, Braking, Constraint
 from runtime.excitation.limits.safety import Safety, require_share
 from runtime.excitation.motion.family import Spline
 from runtime.excitation.motion.trajectory import GAP, Trajectory, end_of

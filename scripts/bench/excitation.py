@@ -20,7 +20,7 @@ from bench.front import BenchError, Sheet, cpu_seconds, sheet_of
 from bench.peers import parameter_order, pinocchio_in_order
 from runtime.common.threads import cores, one_blas_thread
 from runtime.excitation import COST_SAMPLES, ConditionCost
-from runtime.excitation.limits.limit_rows import Limits, inside, whitening
+from runtime.excitation.limits.constraints import Limits, inside, whitening
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.motion.trajectory import fourier_basis
 from runtime.excitation.proof.certificate import certificate_of, pulled_inside

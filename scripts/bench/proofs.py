@@ -16,9 +16,8 @@ from scipy.optimize import minimize_scalar
 
 from runtime import load
 from runtime.excitation import Trajectory
-from runtime.excitation.limits.constraints import constraints
+from runtime.excitation.limits.constraints import Limits, constraints, inside
 from runtime.excitation.limits.distance_limits import Clearance
-from runtime.excitation.limits.limit_rows import Limits, inside
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.limits.torque_limits import TorqueLimit
 from runtime.excitation.motion.trajectory import basis_of

@@ -2,16 +2,27 @@
 
 By default all that the manifest of the robot states; a table, a box of the tip and obstacles on
 request. A certificate does not check what neither states; an export needs consent for it.
+
+A body in the hand is rigid in a moving link. It adds its ten parameters to those of the link; its
+box keeps a distance from other links and from a table. An obstacle is a box fixed in the base frame
+and grown by a radius, which includes spheres (no edges) and capsules (one edge).
 """
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
+from msgspec.structs import asdict
+from scipy.spatial.transform import Rotation
 
+from runtime.common.records import Record, Vector3, record_from_toml
 from runtime.errors import ExportError, IdentificationError
-from runtime.excitation.limits.carried_body import CarriedBody, Obstacle
-from runtime.library import Library
+from runtime.excitation.limits.distance_limits import OBSTACLE, PlacedBox
+from runtime.library import Array, Library
+from runtime.library.parameters import link_columns
 
 TORQUE, BRAKING, RATE, TIP = "torque", "position-dependent velocity", "torque rate", "tip speed"
 SELF_COLLISION, TABLE, CARRIED = "self-collision", "table", "carried body"
@@ -19,12 +30,128 @@ SPRINGS = "springs of unknown stiffness"
 UNCHECKED = (TORQUE, BRAKING, RATE, TIP, SELF_COLLISION, TABLE, CARRIED, SPRINGS)
 """Kinds of limits that a certificate may leave out."""
 EVERYTHING = "all"  # word that accepts all of them
+EMPTY_HAND = "empty hand"  # what a certificate states of the load where no body is carried
+LARGEST_LENGTH = 100.0  # largest coordinate, edge or radius [m]
 _REMEDIES = {
     TABLE: "--table Z for a table at this height or --table none",
     SELF_COLLISION: "a library with collision proxies (python -m symgen proxies)",
     CARRIED: "a box in --carry",
     SPRINGS: "a library with their stiffness, which identify estimates",
 }
+
+
+@dataclass(frozen=True, slots=True)
+class CarriedBox:
+    """A box fixed in a link; picklable."""
+
+    center: tuple[float, ...]  # in the link's frame, (3,) m
+    rotation: tuple[tuple[float, ...], ...]  # axes of the box in the link's frame, rows of (3, 3)
+    size: tuple[float, ...]  # lengths of its edges, (3,) m
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite([*self.center, *self.size]).all() and min(self.size) > 0):
+            raise IdentificationError(
+                "the box of a carried body needs a finite place and edges above 0 m, got edges of "
+                f"{', '.join(f'{x:g}' for x in self.size)} m"
+            )
+
+    def placed(self, link: int) -> PlacedBox:
+        """The box in its link."""
+        return PlacedBox(
+            link, np.array(self.center), np.array(self.rotation), np.array(self.size) / 2
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class CarriedBody:
+    """A body that moves with a link; picklable."""
+
+    link: int  # index of the moving link that carries it
+    pi: tuple[float, ...]  # its parameters in that link's frame, (10,): kg, kg·m ×3, kg·m² ×6
+    box: CarriedBox | None = None  # box around it, or None where its shape is not known
+
+    @property
+    def sentence(self) -> str:
+        """Mass and box, for certificates."""
+        if self.box is None:
+            return f"{self.pi[0]:g} kg, no box"
+        edges = " x ".join(f"{1e3 * edge:g}" for edge in self.box.size)
+        return f"{self.pi[0]:g} kg in a box of {edges} mm"
+
+
+def with_load(pi: Array, body: CarriedBody | None) -> Array:
+    """Parameters (10 n,) of the links with a carried body, π_link + π_body."""
+    if body is None:
+        return pi
+    loaded = pi.copy()
+    loaded[link_columns(body.link)] += body.pi
+    return loaded
+
+
+@dataclass(frozen=True, slots=True)
+class Obstacle:
+    """A box grown by a radius, fixed in the base frame; picklable."""
+
+    name: str  # in certificates
+    center: tuple[float, ...]  # (3,) m
+    size: tuple[float, ...] = (0.0, 0.0, 0.0)  # lengths of the edges, (3,) m; zeros are a sphere
+    rpy: tuple[float, ...] = (0.0, 0.0, 0.0)  # Rz(yaw) Ry(pitch) Rx(roll) of the box, rad
+    radius: float = 0.0  # of the rounding, m
+
+    def __post_init__(self) -> None:
+        vectors = self.center, self.size, self.rpy
+        numbers = np.array([x for vector in vectors for x in vector] + [self.radius])
+        shaped = all(len(vector) == 3 for vector in vectors)
+        if not (shaped and (np.abs(numbers) <= LARGEST_LENGTH).all()):  # false for NaN, too
+            raise IdentificationError(
+                f"the obstacle '{self.name}' needs center, size and rpy of three finite numbers "
+                f"and a radius, up to {LARGEST_LENGTH:g} m; correct them"
+            )
+        if min(*self.size, self.radius) < 0 or max(*self.size, self.radius) == 0:
+            raise IdentificationError(
+                f"the obstacle '{self.name}' needs edges and a radius from 0 m up of which one is "
+                "above 0 m; correct size or radius"
+            )
+
+    @property
+    def placed(self) -> PlacedBox:
+        """The box in the base frame."""
+        turn = np.asarray(Rotation.from_euler("xyz", self.rpy).as_matrix())
+        center, half = np.array(self.center), np.array(self.size) / 2
+        return PlacedBox(-1, center, turn, half, self.radius)
+
+
+class _Entry(Record, frozen=True, kw_only=True):
+    """[[obstacle]]."""
+
+    name: str = ""
+    center: Vector3
+    size: Vector3 = (0.0, 0.0, 0.0)
+    rpy: Vector3 = (0.0, 0.0, 0.0)
+    radius: float = 0.0
+
+
+class _Cell(Record, frozen=True):
+    """The file."""
+
+    obstacle: Annotated[tuple[_Entry, ...], Meta(min_length=1)]
+
+
+def read_obstacles(path: Path) -> tuple[Obstacle, ...]:
+    """Read a file of obstacles.
+
+    [[obstacle]]
+    name = "post"
+    center = [0.4, 0.3, 0.5]    # m in the base frame
+    size = [0.1, 0.1, 1.0]      # m, edges; left out for a sphere
+    rpy = [0.0, 0.0, 0.0]       # rad
+    radius = 0.0                # m, rounding
+    """
+    cell = record_from_toml(_Cell, path, f"the obstacles '{path}'", IdentificationError)
+    return tuple(
+        Obstacle(**asdict(each.replace(name=each.name or f"{OBSTACLE} {k}")))
+        for k, each in enumerate(cell.obstacle, 1)
+    )
 
 
 @dataclass(frozen=True, slots=True)

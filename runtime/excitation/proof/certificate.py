@@ -9,11 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime.errors import ExportError
-from runtime.excitation.limits.carried_body import EMPTY_HAND
 from runtime.excitation.limits.constraints import constraints
-from runtime.excitation.limits.dependent_joints import KINDS as DEPENDENT
 from runtime.excitation.limits.distance_limits import use_of
-from runtime.excitation.limits.safety import Safety, unchecked, unstated
+from runtime.excitation.limits.nonlinear_limits import DEPENDENT
+from runtime.excitation.limits.safety import EMPTY_HAND, Safety, unchecked, unstated
 from runtime.excitation.motion.trajectory import Motion, Trajectory
 from runtime.excitation.proof.bounds import (
     KINDS,

@@ -23,8 +23,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.excitation.limits.dependent_joints import dependent_joints
-from runtime.excitation.limits.limit_rows import LimitRows, Limits, whitening
+from runtime.excitation.limits.constraints import LimitRows, Limits, whitening
+from runtime.excitation.limits.nonlinear_limits import dependent_joints
 from runtime.excitation.motion.trajectory import COSINE, Trajectory
 from runtime.excitation.search.information import Information
 from runtime.excitation.search.measures import (

@@ -1,5 +1,22 @@
 """The best of several starts and of their variations, inside the limits at 1 kHz.
 
+Where a smooth criterion decides, random starts come in rounds of `FIRST`, as many again, twice as
+many and so on. From the second round a start that is behind the best of the rounds before is given
+up, see `TRIED`. With `FEWEST_STARTS` starts or more, `DRAWN` of them are random, at least
+`FEWEST_DRAWN`, and the others are warm: they begin near one of the best so far and skip
+D-optimality. Warm starts and `SMOOTH_SHARE` variations per start come in `WARM_ROUNDS` rounds.
+
+Optima of log cond are many and the best of a hundred is a rare one, but good ones have much in
+common. Where log cond decides, as many variations as starts follow in `ROUNDS`. Each inherits from
+one of the `PARENTS` best so far (a geometric law favours the first), with the motion of one or two
+joints new or with noise on all coefficients, and skips D-optimality. It is given up after the first
+smooth stage unless it is new and close to the best by then. A round waits for the one before, so
+that the design depends on the seed alone.
+
+A small remaining violation is repaired by scaling the motion towards its home, which helps against
+every limit, or by more time for the same path, rounded up to whole milliseconds, which helps
+against speeds and torques. Where neither suffices, the motion is scaled by as much as it takes.
+
 Ended starts are tried in an order: among nearly equal ones the most balanced comes first,
 
     max over i of (log f_i − min over the nearly equal starts of log f_i),   f = v, a, cond
@@ -13,171 +30,51 @@ G_0 that of earlier logs. Friction and offsets are estimated for every log apart
 more often than a fit of all logs does.
 """
 
-import os
-import signal
-import threading
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, suppress
 from dataclasses import dataclass, replace
-from functools import partial
-from multiprocessing import parent_process
-from multiprocessing.connection import wait as wait_for
-from multiprocessing.context import SpawnContext, SpawnProcess
-from pathlib import Path
+from itertools import pairwise
 from typing import Any, Unpack
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
+from runtime.excitation.limits.constraints import Limits, inside
+from runtime.excitation.limits.distance_limits import use_of
 from runtime.excitation.limits.safety import Safety, unchecked
 from runtime.excitation.motion.trajectory import Trajectory
-from runtime.excitation.search.condition_cost import INFORMED_SAMPLES, ConditionCost
-from runtime.excitation.search.criteria import unseen_joints
+from runtime.excitation.search.criteria import CRITERIA, unseen_joints
 from runtime.excitation.search.design_settings import DesignKeywords, DesignSettings, settings_from
-from runtime.excitation.search.finish import Ended, Finished, Task, behind_count, finished, rounds
 from runtime.excitation.search.information import Information, in_time, projected
-from runtime.excitation.search.measures import covariance
-from runtime.excitation.search.single_start import Search
-from runtime.library import Array, Library, load, require_library
-from runtime.parallel import on_cluster
+from runtime.excitation.search.measures import INFORMED_SAMPLES, ConditionCost, covariance
+from runtime.excitation.search.single_start import TRIED, Search
+from runtime.excitation.search.workers import Task, descents
+from runtime.library import Array, Library, require_library
 
-Sent = tuple[Path, str, DesignSettings]  # folder and level of a library, settings, for a worker
-Started = tuple[int, float, Array]  # number of the task, its target, its coefficients
-Rounds = Iterable[list[Task]]  # tasks round after round; one is made when the last has ended
-SAFE_PATH = "PYTHONSAFEPATH"  # environment variable of `python -P`
-_here: list[Search] = []  # search of a worker process, which loads its library once
-
-
-def side_by_side(sent: Sent, rounds: Rounds, processes: int) -> Generator[Started, None, None]:
-    """Do the tasks of every round on several processes, in the order in which they end.
-
-    Workers are fresh interpreters (spawn) that ignore Ctrl-C: closing the iterator ends them with
-    the tasks under way. They end by themselves when this process is killed.
-    """
-    context = _Spawning()
-    with _safe_path():
-        pool = ProcessPoolExecutor(processes, context, initializer=_prepare, initargs=(sent,))
-    waiting: set[Future[Started]] = set()
-    try:
-        for tasks in rounds:
-            left = tasks[::-1]
-            while left or waiting:
-                with _without_interrupts(), _safe_path():
-                    while left and len(waiting) < processes:
-                        waiting.add(pool.submit(_start, left.pop()))
-                done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-                for future in done:
-                    yield future.result()
-    except BrokenProcessPool:
-        raise IdentificationError(
-            "a process of the search ended unexpectedly; give processes=1, and in a script of your "
-            "own call design only under: if __name__ == '__main__'"
-        ) from None
-    finally:
-        with (
-            _without_interrupts()
-        ):  # a second Ctrl-C in here would leave the workers waiting for ever
-            if waiting:
-                context.end()
-            pool.shutdown(cancel_futures=True)
-
-
-def _prepare(sent: Sent) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    threadpool_limits(limits=1, user_api="blas")
-    _here[:] = [_search_of(sent)]
-
-
-def _end_with_parent() -> None:
-    """End this worker when the process that began it has ended, in whatever way.
-
-    A killed parent closes nothing in order. Its worker would wait for the next task for ever,
-    because it holds both ends of the queue of tasks itself.
-    """
-    parent = parent_process()
-    if parent is not None:
-        wait_for([parent.sentinel])
-        os.kill(os.getpid(), signal.SIGTERM)  # this is not the main thread of the worker
-
-
-def _start(task: Task) -> Started:
-    return _done(_here[0], task)
-
-
-class _Spawning(SpawnContext):
-    """A context that keeps the processes which it has begun."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._begun: list[SpawnProcess] = []
-
-    def Process(self, *args: Any, **options: Any) -> SpawnProcess:  # type: ignore[override]
-        """As the class of that name."""
-        self._begun.append(SpawnProcess(*args, **options))
-        return self._begun[-1]
-
-    def end(self) -> None:
-        """Terminate all processes, whatever they are doing."""
-        for process in self._begun:
-            process.terminate()
-
-
-@contextmanager
-def _safe_path() -> Iterator[None]:
-    """Interpreters that begin meanwhile import nothing from the working directory.
-
-    A worker, and the process that counts semaphores, begin as `python -c`, whose path starts
-    with that directory; the path of this process replaces it only after the first imports.
-    """
-    before = os.environ.get(SAFE_PATH)
-    os.environ[SAFE_PATH] = "1"
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ[SAFE_PATH]
-        else:
-            os.environ[SAFE_PATH] = before
-
-
-@contextmanager
-def _without_interrupts() -> Iterator[None]:
-    """Delay Ctrl-C until the end; a worker that begins here inherits the mask and ignores it.
-
-    The mask alone is not enough: a thread of BLAS without one takes the signal for all.
-    """
-    if threading.current_thread() is not threading.main_thread():  # Python interrupts only that one
-        yield
-        return
-    received: list[int] = []
-    handler = signal.signal(signal.SIGINT, lambda number, _: received.append(number))
-    masks = hasattr(signal, "pthread_sigmask")
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if masks else None
-    try:
-        yield
-    finally:
-        if before is not None:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        signal.signal(signal.SIGINT, handler)
-        if received and callable(handler):
-            handler(received[0], None)
-
-
-def _search_of(sent: Sent) -> Search:
-    folder, level, settings = sent
-    return Search(load(folder, level), settings)
-
-
-def _done(search: Search, task: Task) -> Started:
-    return task.number, *task.done(search)
-
-
+Ended = dict[int, tuple[float, Array]]  # start or variation → target, coefficients (n, M)
+FIRST = 3  # random starts of a smooth criterion in the first round; none of them is given up
+DRAWN, FEWEST_DRAWN = 0.25, 4  # share and least number of random starts of a smooth criterion
+WARM_ROUNDS = 10  # rounds of the starts of a smooth criterion that begin near the best ones
+SHARE, SMOOTH_SHARE = 1.0, 2.0
+"""Variations per start where log cond decides, and where a smooth criterion does; one takes a third
+of the time of a random start."""
+FEWEST_STARTS = 8  # fewest starts after which variations follow, or among which some are warm
+ROUNDS = 6  # number of rounds of variations
+PARENTS = 8  # largest number of parents
+DISTINCT = 1e-3  # difference of log cond below which two optima count as the same
+SAME = 0.05
+"""Distance of coefficients over their length below which two ends of a smooth criterion count as
+the same: descents end up to 0.02 from their optimum, and other optima are 0.1 or more away."""
+STEP = 1e-3  # step of the grid on which the limits hold, s
+STRICT = 2e-4  # margin of nonlinear limits on that grid; their curvature between samples is smaller
+SCALES = 1 - 1e-4 * np.concatenate([[0], 2.0 ** np.arange(10)])
+"""Factors of the motion, down to 0.95."""
+SLOWER = 1.01 ** np.arange(1, 41)  # factors of the duration, up to 1.5
+SMALL = 0.9 ** np.arange(1, 23)
+"""Factors of the motion where nothing else helps, down to 0.1: with a small share of the limits
+(the setting margin) the cost of a search rises faster than its penalty of nonlinear limits."""
 NEARLY = 0.01  # log target above the best that is as good: the last polish changes it so
 
 
@@ -214,6 +111,116 @@ class Design:
     behind: int = 0
 
 
+def variation_count(criterion: str, starts: int) -> int:
+    """Number of variations that follow the starts."""
+    share = SHARE if CRITERIA[criterion].is_kinked else SMOOTH_SHARE
+    return int(share * starts) if starts >= FEWEST_STARTS else 0
+
+
+def random_count(criterion: str, starts: int) -> int:
+    """Number of starts that are random."""
+    if CRITERIA[criterion].is_kinked or starts < FEWEST_STARTS:
+        return starts
+    return max(FEWEST_DRAWN, int(DRAWN * starts))
+
+
+def task_rounds(criterion: str, starts: int) -> list[tuple[int, int]]:
+    """Rounds of starts and variations."""
+    is_kinked = CRITERIA[criterion].is_kinked
+    drawn, end = random_count(criterion, starts), starts + variation_count(criterion, starts)
+    ends = [0, drawn if is_kinked else min(FIRST, drawn)]
+    while ends[-1] < drawn:
+        ends.append(min(2 * ends[-1], drawn))
+    count = ROUNDS if is_kinked else WARM_ROUNDS
+    later = (drawn + (end - drawn) * k // count for k in range(1, count + 1))
+    return [(first, last) for first, last in pairwise([*ends, *later]) if first < last]
+
+
+def behind_count(criterion: str, starts: int, ended: Ended) -> int:
+    """Number of descents of a smooth criterion that ended by the last bound of `TRIED` behind."""
+    if CRITERIA[criterion].is_kinked:
+        return 0
+    count, behind = 0, TRIED[-1][1]
+    for first, last in task_rounds(criterion, starts):
+        best = min((ended[k][0] for k in range(first) if k in ended), default=np.inf)
+        count += sum(ended[k][0] > best + behind for k in range(first, last) if k in ended)
+    return count
+
+
+def rounds(criterion: str, starts: int, ended: Ended) -> Iterator[list[Task]]:
+    """Tasks that may be done at once, round by round."""
+    drawn = random_count(criterion, starts)
+    apart = 0.0 if CRITERIA[criterion].is_kinked else SAME
+    for first, last in task_rounds(criterion, starts):
+        best, parents = _parents(ended, apart) if first else (np.inf, ())
+        near = parents if first >= drawn else ()
+        yield [Task(number, near, best) for number in range(first, last)]
+
+
+def _parents(ended: Ended, apart: float) -> tuple[float, tuple[Array, ...]]:
+    """Target of the best and coefficients of all parents, whose distances are `apart` or more."""
+    chosen: list[tuple[float, Array]] = []
+    for number in sorted(ended, key=lambda number: (ended[number][0], number)):
+        value, a = ended[number]
+        if len(chosen) == PARENTS:
+            break
+        if chosen and value < chosen[-1][0] + DISTINCT:
+            continue
+        if all(np.linalg.norm(a - other) >= apart * np.linalg.norm(other) for _, other in chosen):
+            chosen.append((value, a))
+    return chosen[0][0], tuple(a for _, a in chosen)
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """A trajectory that keeps its limits at 1 kHz."""
+
+    trajectory: Trajectory  # the motion
+    use: dict[str, float]  # largest |value| / limit per kind of limit, 1 is the limit itself
+
+
+def finished(search: Search, a: Array) -> Finished:
+    """Refine a start and repair it; Ctrl-C skips the refinement."""
+    with suppress(KeyboardInterrupt):
+        a = search.refined(a)
+    return repaired(search, a)
+
+
+def repaired(search: Search, a: Array) -> Finished:
+    """Move a motion (n, M) [rad, m] inside all limits at 1 kHz, smaller or slower."""
+    designed = search.settings.duration
+    fine = search.joint_limits(STEP)
+    a = inside(fine, a)
+    if not search.constraints:
+        return _with_use(search, fine, a, designed)
+    rows = search.limit_rows(STEP)
+    # First a smaller motion of the same duration, then the same path in more time.
+    for scale in SCALES:
+        if rows.worst(scale * a) <= -STRICT:
+            return _with_use(search, fine, scale * a, designed)
+    for slower in SLOWER:
+        duration = np.ceil(1e3 * slower * designed) / 1e3
+        if search.limit_rows(STEP, duration=duration).worst(a) <= -STRICT:
+            return _with_use(search, search.joint_limits(STEP, duration), a, duration)
+    for scale in SMALL:
+        if rows.worst(scale * a) <= -STRICT:
+            return _with_use(search, fine, scale * a, designed)
+    raise IdentificationError(
+        f"the best motion found breaks the limits of {' and of '.join(rows.strongest(a))} and "
+        "neither a smaller nor a slower motion of the same shape keeps them; try more starts"
+    )
+
+
+def _with_use(search: Search, fine: Limits, a: Array, duration: float) -> Finished:
+    margin = search.settings.margin
+    use = {kind: margin * float(values.max()) for kind, values in fine.use(a).items()}
+    by_constraint = search.limit_rows(STEP, duration=duration, share=1.0).by_constraint(a)
+    for constraint, values in zip(search.constraints, by_constraint, strict=True):
+        largest = use_of(constraint, float(values.max()))
+        use[constraint.kind] = max(largest, use.get(constraint.kind, largest))
+    return Finished(Trajectory(search.home, a, duration, search.basis), use)
+
+
 @one_blas_thread
 def design(
     lib: Library,
@@ -237,7 +244,7 @@ def design(
     search.require_rank()
     ended: Ended = {}
     tasks = rounds(settings.criterion, settings.starts, ended)
-    running = _started(search, tasks, min(processes, settings.starts), scheduler)
+    running = descents(search, tasks, min(processes, settings.starts), scheduler)
     try:
         with closing(running):
             for number, value, a in running:
@@ -286,19 +293,6 @@ def excite(
     if settings is None and "safety" not in keywords:
         keywords["safety"] = Safety()
     return design(lib, settings, progress=progress, processes=processes, budget=budget, **keywords)
-
-
-def _started(
-    search: Search, rounds: Rounds, processes: int, scheduler: str | None
-) -> Generator[Started, None, None]:
-    if processes == 1 and scheduler is None:
-        return (_done(search, task) for tasks in rounds for task in tasks)
-    # On a worker the working directory may be another one.
-    sent = search.lib.folder.resolve(), search.lib.level, search.settings
-    if scheduler is not None:
-        prepare = partial(_search_of, sent)
-        return on_cluster(prepare, _done, rounds, scheduler, "a start of the search")
-    return side_by_side(sent, rounds, processes)
 
 
 def _best(search: Search, ended: Ended) -> Finished:

@@ -17,13 +17,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.excitation.limits.constraints import constraints, require_rest
-from runtime.excitation.limits.limit_rows import LIMIT_STEP, LimitRows, Limits, inside, whitening
-from runtime.excitation.search.condition_cost import ConditionCost
+from runtime.excitation.limits.constraints import (
+    LIMIT_STEP,
+    LimitRows,
+    Limits,
+    constraints,
+    inside,
+    require_rest,
+    whitening,
+)
 from runtime.excitation.search.conic import LinearRows
 from runtime.excitation.search.criteria import criterion_of
 from runtime.excitation.search.design_settings import DesignSettings
-from runtime.excitation.search.measures import Measure, rank, too_many
+from runtime.excitation.search.measures import ConditionCost, Measure, rank, too_many
 from runtime.excitation.search.semidefinite_polish import polish
 from runtime.excitation.search.sqp import TOLERANCE, Objective, descend
 from runtime.library import Array, Indices, Library

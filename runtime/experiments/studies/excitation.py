@@ -6,8 +6,8 @@ import numpy as np
 
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import COST_SAMPLES, ConditionCost
+from runtime.excitation.search.design import repaired
 from runtime.excitation.search.design_settings import DesignSettings
-from runtime.excitation.search.finish import repaired
 from runtime.excitation.search.single_start import Search
 from runtime.experiments.study import Arrays, Row, Study, StudyOutcome, View, motion
 from runtime.experiments.trials import ROLES, condition, curves, document_robot

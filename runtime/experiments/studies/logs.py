@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from runtime.excitation import Trajectory
+from runtime.excitation.search.design import repaired
 from runtime.excitation.search.design_settings import DesignSettings
-from runtime.excitation.search.finish import repaired
 from runtime.excitation.search.single_start import Search
 from runtime.experiments import trials
 from runtime.experiments.study import Arrays, Row, Study, StudyOutcome

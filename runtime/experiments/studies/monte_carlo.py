@@ -13,8 +13,8 @@ import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.samples import samples_of
+from runtime.excitation.search.design import repaired
 from runtime.excitation.search.design_settings import DesignSettings
-from runtime.excitation.search.finish import repaired
 from runtime.excitation.search.single_start import Search
 from runtime.experiments.study import (
     TORQUE,

@@ -19,8 +19,7 @@ from runtime.campaign.gear_friction import ArmModel
 from runtime.campaign.shortest_session import base_covariance, reached, target_of
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
-from runtime.excitation.limits.carried_body import Obstacle
-from runtime.excitation.limits.safety import Safety
+from runtime.excitation.limits.safety import Obstacle, Safety
 from runtime.excitation.motion.trajectory import JoinedMotion
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.excitation.search.criteria import unseen_joints

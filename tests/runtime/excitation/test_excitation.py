@@ -9,7 +9,7 @@ import pytest
 from runtime import load, to_pinocchio_order
 from runtime.errors import IdentificationError
 from runtime.excitation import COST_SAMPLES, ConditionCost, Trajectory
-from runtime.excitation.limits.limit_rows import Limits, whitening
+from runtime.excitation.limits.constraints import Limits, whitening
 from runtime.excitation.motion.trajectory import fourier_basis
 from runtime.excitation.search.design import Design, design
 from runtime.library import Library

@@ -1,4 +1,4 @@
-"""motion_profile: what pictures show is the motion with its limits and distances."""
+"""motion_figures: what pictures show is the motion with its limits and distances."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -11,9 +11,9 @@ from runtime import load
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.safety import Safety
-from runtime.excitation.motion_profile import profile_of
 from runtime.excitation.proof.certificate import KINDS, certificate_of, certified, joint_bounds
 from runtime.library import Library
+from runtime.outputs.report.motion_figures import profile_of
 from tests.oracle import pinocchio_model
 
 BOX = (-1.0, 1.0, -1.0, 1.0, 0.0, np.inf)

@@ -9,7 +9,7 @@ import pinocchio
 import pytest
 
 from runtime.errors import IdentificationError
-from runtime.excitation.limits.limit_rows import DEFAULT_ACCELERATION, DEFAULT_RANGE
+from runtime.excitation.limits.constraints import DEFAULT_ACCELERATION, DEFAULT_RANGE
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.excitation.search.design import design

@@ -12,9 +12,8 @@ import pytest
 from runtime import read_recording
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
-from runtime.excitation.limits.carried_body import Obstacle, read_obstacles
 from runtime.excitation.limits.constraints import constraints
-from runtime.excitation.limits.safety import Safety
+from runtime.excitation.limits.safety import Obstacle, Safety, read_obstacles
 from runtime.excitation.motion.trajectory import JoinedMotion, end_of, joined
 from runtime.excitation.proof.certificate import certificate_of, certified
 from runtime.excitation.search.design import Design

@@ -2,8 +2,8 @@
 
 from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.information import information
+from runtime.excitation.search.prediction import without_unseen
 from runtime.excitation.search.single_start import Search
-from runtime.excitation.search.unseen_parameters import without_unseen
 from runtime.library import Library
 
 

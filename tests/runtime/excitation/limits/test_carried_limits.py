@@ -12,10 +12,9 @@ import pytest
 from runtime.cli.motion_limits import carried_body
 from runtime.errors import IdentificationError, RuntimeFault
 from runtime.excitation import Trajectory
-from runtime.excitation.limits.carried_body import CarriedBox
 from runtime.excitation.limits.constraints import constraints, require_rest
 from runtime.excitation.limits.nonlinear_limits import Constraint, SampledMotion
-from runtime.excitation.limits.safety import Safety
+from runtime.excitation.limits.safety import CarriedBox, Safety
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.library import Library
 from tests.oracle import pinocchio_model

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from runtime.errors import IdentificationError
-from runtime.excitation.limits.dependent_joints import DependentJoints
+from runtime.excitation.limits.constraints import Limits
 from runtime.excitation.limits.distance_limits import TipBox, TipSpeed
-from runtime.excitation.limits.limit_rows import Limits
+from runtime.excitation.limits.nonlinear_limits import DependentJoints
 from runtime.excitation.limits.safety import RATE, unchecked
 from runtime.excitation.motion.trajectory import COSINE
 from runtime.library import Library

@@ -6,8 +6,7 @@ import pytest
 
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
-from runtime.excitation.limits.constraints import constraints, require_rest
-from runtime.excitation.limits.limit_rows import LimitRows
+from runtime.excitation.limits.constraints import LimitRows, constraints, require_rest
 from runtime.excitation.limits.nonlinear_limits import Braking, Constraint
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.motion.trajectory import COSINE, basis_of

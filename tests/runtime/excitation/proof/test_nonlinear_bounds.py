@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from runtime.excitation import Trajectory
-from runtime.excitation.limits.constraints import constraints
-from runtime.excitation.limits.limit_rows import LimitRows, Limits, inside
+from runtime.excitation.limits.constraints import LimitRows, Limits, constraints, inside
 from runtime.excitation.limits.nonlinear_limits import Constraint, SampledMotion
 from runtime.excitation.limits.safety import CARRIED, UNCHECKED, Safety
 from runtime.excitation.motion.trajectory import COSINE, basis_of

@@ -12,7 +12,7 @@ import pytest
 
 from runtime import parallel as room
 from runtime.errors import IdentificationError
-from runtime.excitation.search import design as processes
+from runtime.excitation.search import workers as processes
 from runtime.excitation.search.design import design
 from runtime.library import Library
 from tests.runtime.conftest import Command

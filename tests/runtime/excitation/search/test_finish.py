@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from runtime.errors import IdentificationError
+from runtime.excitation.search.design import SLOWER, repaired
 from runtime.excitation.search.design_settings import DesignSettings
-from runtime.excitation.search.finish import SLOWER, repaired
 from runtime.excitation.search.single_start import Search
 from runtime.library import Array, Library
 

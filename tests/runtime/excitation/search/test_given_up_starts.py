@@ -9,9 +9,7 @@ import pytest
 
 from runtime.cli.excite import search_notes
 from runtime.excitation.search import single_start
-from runtime.excitation.search.design import design
-from runtime.excitation.search.design_settings import DesignSettings
-from runtime.excitation.search.finish import (
+from runtime.excitation.search.design import (
     FEWEST_DRAWN,
     FEWEST_STARTS,
     FIRST,
@@ -19,11 +17,13 @@ from runtime.excitation.search.finish import (
     SAME,
     WARM_ROUNDS,
     behind_count,
+    design,
     random_count,
     rounds,
     task_rounds,
     variation_count,
 )
+from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.information import information
 from runtime.excitation.search.single_start import SMOOTH_TOLERANCE, TRIED, Search
 from runtime.excitation.search.sqp import TOLERANCE

@@ -57,7 +57,7 @@ def _die(_: object) -> None:
 
 def test_a_worker_that_dies_is_reported(lib: Library, monkeypatch: pytest.MonkeyPatch) -> None:
     """Property: one sentence instead of a wait for ever."""
-    monkeypatch.setattr("runtime.excitation.search.design._start", _die)
+    monkeypatch.setattr("runtime.excitation.search.workers._start", _die)
     with pytest.raises(
         IdentificationError, match="a process of the search ended unexpectedly; give processes=1"
     ):

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from runtime.excitation.search.design import Sent
 from runtime.excitation.search.design_settings import DesignSettings
+from runtime.excitation.search.workers import Sent
 from runtime.library import load
 from tests.conftest import REPOSITORY
 from tests.runtime.processes import QUIET
@@ -21,7 +21,7 @@ WAITING = """
 import atexit
 import signal
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job inherits "ignore"
-from runtime.excitation.search.design import side_by_side
+from runtime.excitation.search.workers import side_by_side
 from tests.runtime.excitation.search.test_processes import Sleep, small_problem
 atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)  # before exit hooks of libraries
 for number, *_ in side_by_side(small_problem(), [[Sleep(0, 0), Sleep(1, 1000), Sleep(2, 1000)]], 2):

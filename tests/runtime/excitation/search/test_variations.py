@@ -1,13 +1,12 @@
-"""runtime.excitation.search.finish: what follows the random starts of a search."""
+"""runtime.excitation.search.design: what follows the random starts of a search."""
 
 import multiprocessing
 
 import numpy as np
 import pytest
 
-from runtime.excitation.search.design import Design, design
+from runtime.excitation.search.design import FEWEST_STARTS, PARENTS, ROUNDS, Design, design, rounds
 from runtime.excitation.search.design_settings import DesignSettings
-from runtime.excitation.search.finish import FEWEST_STARTS, PARENTS, ROUNDS, rounds
 from runtime.excitation.search.single_start import Search
 from runtime.library import Library
 

@@ -14,14 +14,15 @@ from runtime import load
 from runtime.errors import RuntimeFault
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.safety import Safety
-from runtime.excitation.motion_profile import MotionProfile, profile_of
 from runtime.excitation.proof.certificate import certified
 from runtime.library import Library
 from runtime.outputs.report.canvas import VERMILION, blank, settings
 from runtime.outputs.report.motion_figures import (
+    MotionProfile,
     draw_motion,
     draw_space,
     draw_speed,
+    profile_of,
     write_pictures,
 )
 

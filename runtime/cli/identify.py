@@ -29,7 +29,7 @@ from runtime.common.terminal import VERBOSE, command_line, completing, program, 
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.contradictions import FOLLOWS
 from runtime.estimators.descent.fit import PRESETS
-from runtime.estimators.methods import DEFAULT, METHODS, chosen_method
+from runtime.estimators.methods import DEFAULT, METHODS
 from runtime.estimators.optimizers import Status
 from runtime.estimators.prior_file import KnownFriction
 from runtime.identification.free_base import result as walks_result
@@ -166,8 +166,7 @@ class IdentifySettings(FitChoices):
         if self.lam0 is not None:
             files["lam0"] = numbers_option(self.lam0, len(lib.lam0), "the setting lam0")
         settings = settings_for(lib, Settings(**self.shared() | files))
-        method = chosen_method(settings.method, settings.preset, settings.prior)
-        inputs = inputs_of([method], lib, controller=self.controller)
+        inputs = inputs_of([settings.estimator.name], lib, controller=self.controller)
         return replace(settings, inputs=inputs or None)
 
     def _known_friction(self, lib: Library) -> KnownFriction | None:
@@ -392,15 +391,15 @@ def identify_command(given: IdentifySettings) -> None:
     inspect = f"{program()} {inspect} --recipe-out proposed.toml"
     count = len(runs_of(given.logs, given.run))
     words = [Path(given.logs[0]).stem, *[f"{count}"] * (count > 1 or bool(given.payload_of))]
-    chosen = chosen_method(settings.method, settings.preset, settings.prior)
+    method = settings.estimator
     words += [settings.rows or usual_rows(walks)] if walks else []
-    words += [chosen] if not walks or chosen != DEFAULT else []
+    words += [method.name] if not walks or method.name != DEFAULT else []
     folder = given.out or Path("results") / "-".join(words)
     _WRITTEN.require(folder, given, given.overwrite)
     with counting(state()) as bar, _naming(inspect):
-        preset = PRESETS.get(str(given.preset or "full")) if METHODS[chosen].takes_preset else None
+        preset = PRESETS.get(str(given.preset or "full")) if method.takes_preset else None
         total = preset.rule.max_iterations if preset else None
-        shown = shown_progress(bar, chosen, lib.name, total)
+        shown = shown_progress(bar, method.name, lib.name, total)
         stream = False if given.stream is None and needs_samples(settings) else given.stream
         log = walks or opened_logs(given, lib, stream, given.payload_of or ())
         result = identify(log, lib, settings, progress=shown)
@@ -432,6 +431,5 @@ def _naming(inspect: str) -> Iterator[None]:
 def needs_samples(settings: Settings) -> bool:
     """Whether a method or option needs the samples of the whole log, or is better with them."""
     options = settings.inputs, settings.encoder_bias, settings.symmetric, settings.robust
-    method = chosen_method(settings.method, settings.preset, settings.prior)
-    needs = METHODS[method].needs_samples(settings.preset)
+    needs = settings.estimator.needs_samples(settings.preset)
     return needs or any(options) or settings.friction == AUTO

@@ -33,12 +33,12 @@ from runtime.identification.result_record import ErrorPercent, ErrorRms, error_p
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.recording import Preparation, Recording
-from runtime.recording.commanded_torque import per_joint
 from runtime.recording.consistency import require_plausible
 from runtime.recording.preprocessing import is_filtered, prepare
 from runtime.recording.rest_speeds import still_travels
 from runtime.recording.row_marks import SAME
 from runtime.recording.settings import COLUMNS
+from runtime.recording.unit_conversion import per_joint
 from runtime.simulation.commanded_motion import ServoDrive, commanded_motion
 
 FIRST = 5  # rows whose slope is the first velocity, where none was measured, and of a joint at rest

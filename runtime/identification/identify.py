@@ -17,7 +17,6 @@ from runtime.common.texts import number_of
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.choice.dry_friction import with_dry_friction
-from runtime.estimators.methods import METHODS, chosen_method
 from runtime.estimators.regression.recorded_delay import with_delay
 from runtime.identification.drive.estimate import NO_BIAS, identify_drive
 from runtime.identification.drive.result import DriveFit, DriveRequest
@@ -47,14 +46,12 @@ from runtime.identification.several_logs import NamedLog, distinct
 from runtime.identification.single_log import FittedSource, assembly_of, identify_recording
 from runtime.library import Library, require_library
 from runtime.recording import Friction, Preparation, Recording, Split
-from runtime.recording.commanded_torque import without_ends
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.free_base import FreeBaseRecording
-from runtime.recording.preprocessing.parts import before_test
+from runtime.recording.preprocessing.parts import before_test, without_ends
 from runtime.recording.recipes.recipe import COMMANDED
-from runtime.recording.row_marks import COUNT, row_marks
+from runtime.recording.row_marks import row_marks
 from runtime.recording.streamed import StreamedRecording
-from runtime.recording.unit_conversion import scaled
 
 __all__ = ["identify"]
 
@@ -136,14 +133,14 @@ def identify(
     prior = with_mirrored_links(chosen.prior, lib, pairs, chosen.tie)
     chosen = settings_for(lib, replace(chosen, prior=prior))
     shown = progress_of(progress)
-    method = chosen_method(chosen.method, chosen.preset, chosen.prior)
+    method = chosen.estimator
     named = _named(log)
     if isinstance(named[0].recording, StreamedRecording):
-        require_streamable(method, chosen.preset)
-    data = _prepared_logs(named, lib, chosen, usable_columns([method]), shown)
+        require_streamable(method.name, chosen.preset)
+    data = _prepared_logs(named, lib, chosen, usable_columns([method.name]), shown)
     several, is_streamed = len(named) > 1, data[0].streamed is not None
     # The drives of one log in memory are estimated together with the links, others before.
-    request = drive_request(data[0], chosen, method)
+    request = drive_request(data[0], chosen, method.name)
     if several or request is not None:
         data = with_drives(data, lib, chosen)
     is_together = not (several or is_streamed)
@@ -159,7 +156,7 @@ def identify(
     if several:
         shown.step(f"fitting {len(named)} logs")
     bare = first.settings(chosen, None if several else first.preparation)
-    columns = METHODS[method].default_columns
+    columns = method.default_columns
     stated = chosen.friction is not None or chosen.coulomb_speed is not None
     if columns and not stated and not first.is_at_rest:
         bare = replace(bare, friction=Friction(columns))
@@ -207,19 +204,13 @@ def _with_row_marks(
     result: Identification, named: Sequence[NamedLog], split: Split | None
 ) -> Identification:
     """The result with marks of the fitted rows, for other commands; none of a log in its file."""
-    logs = [each.recording for each in named]
-    marks = [
-        row_marks(
-            independent_joints(
-                each if result.trained is not None else before_test(each, split), result.lib
-            )
-        )
-        for each in logs
-        if isinstance(each, Recording)
-    ]
-    if len(marks) < len(logs):
+    logs = [each.recording for each in named if isinstance(each.recording, Recording)]
+    if len(logs) < len(named):
         return result
-    return replace(result, row_marks=np.unique(np.concatenate(marks))[:COUNT])
+    if result.trained is None:
+        logs = [before_test(each, split) for each in logs]
+    marks = row_marks(*(independent_joints(each, result.lib) for each in logs))
+    return replace(result, row_marks=marks)
 
 
 def assembly_of_logs(
@@ -271,12 +262,9 @@ def _prepared_logs(
             rest = replace(rest, cutoff=first.steps.cutoff_hz)
     if first.friction is not None:
         rest = replace(rest, friction=first.friction, coulomb_speed=None)
-    gains, data = first.recording.gains, [first]
+    data, gains = [first], first.recording.gains
     for each in named[1:]:
-        log = each.recording
-        if gains is not None:  # which are in the order of the robot
-            log = scaled(independent_joints(log, lib), gains)
-        data.append(prepared_log(log, lib, _of(each, rest), (), shown))
+        data.append(prepared_log(each.recording, lib, _of(each, rest), (), shown, gains))
     return data
 
 

@@ -23,14 +23,13 @@ from bisect import bisect_left
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 
 from runtime.common.threads import computed_ahead, one_blas_thread
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.descent.fit import Preset
-from runtime.estimators.methods import chosen_method, methods_from_statistics, require_method
+from runtime.estimators.methods import methods_from_statistics, require_method
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification import settings as fit_settings
 from runtime.identification.identified import Identification, WholeLog, torque_errors
@@ -161,7 +160,7 @@ class Blocks:
                 self.prepared(index)
             if (kept := self.kept[index]) is not None:
                 whole = self.first <= kept.first.t[0]
-                rows = kept.count if whole else np.sum(kept.instants(self.spool) >= self.first)
+                rows = kept.count if whole else np.sum(kept.array("t", self.spool) >= self.first)
                 count += int(rows)
         return count
 
@@ -177,40 +176,29 @@ class _Memory:
     after: Array  # to the first row of the next block, (n,)
 
 
-_ARRAYS = ("t", *ARRAYS)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Kept:
-    """A recording whose rows are in the spool: its first row, and the place of all rows."""
+    """A recording whose rows are in the spool: its first row, and the place of each array."""
 
     first: Recording
-    start: int
+    places: dict[str, int]
     count: int
 
-    def instants(self, spool: Spool) -> Array:
-        return spool.read(self.start, self.count)  # the clock is the first of the arrays
+    def array(self, key: str, spool: Spool) -> Array:
+        like = np.asarray(getattr(self.first, key))
+        values = spool.read(self.places[key], self.count * like.size)
+        return values.reshape(self.count, *like.shape[1:])
 
     def read(self, spool: Spool) -> Recording:
-        arrays, at = {}, self.start
-        for key in _ARRAYS:
-            like = getattr(self.first, key)
-            if like is not None:
-                arrays[key] = spool.read(at, self.count * like.size)
-                arrays[key] = arrays[key].reshape(self.count, *like.shape[1:])
-                at += arrays[key].size
-        return self.first.replace(**arrays)
+        return self.first.replace(**{key: self.array(key, spool) for key in self.places})
 
 
 def _stored(rows: Recording, spool: Spool) -> _Kept:
-    start = spool.size
-    for key in _ARRAYS:
-        values = getattr(rows, key)
-        if values is not None:
-            spool.append(values)
+    arrays = {key: getattr(rows, key) for key in ("t", *ARRAYS)}
+    places = {key: spool.append(x) for key, x in arrays.items() if x is not None}
     # The columns of prepared rows hold what further signals were for.
     first = rows.take([0], "").replace(history=rows.history, signals={})
-    return _Kept(first, start, len(rows))
+    return _Kept(first, places, len(rows))
 
 
 def head_of(log: StreamedRecording) -> Recording:
@@ -339,18 +327,16 @@ def require_streamable(method: str, preset: str | Preset | None = None) -> None:
 def assemble_streamed(
     log: StreamedRecording,
     lib: Library,
-    settings: fit_settings.Settings | str | None = None,
+    settings: fit_settings.Settings,
     *,
     progress: fit_settings.Progress = fit_settings.SILENT,
     is_joined: bool = False,
-    **keywords: Any,
 ) -> Assembly:
     """Assemble the problem of a log that stays in its file."""
-    chosen = fit_settings.bare_settings(settings, keywords)
-    fit_settings.require_default(chosen, WHOLE_ONLY, "a streamed log")
-    require_streamable(chosen_method(chosen.method, chosen.preset, chosen.prior), chosen.preset)
+    fit_settings.require_default(settings, WHOLE_ONLY, "a streamed log")
+    require_streamable(settings.estimator.name, settings.preset)
     recipe = log.recipe
-    preparation = chosen.preparation or (recipe.preparation if recipe else Preparation())
+    preparation = settings.preparation or (recipe.preparation if recipe else Preparation())
     if preparation.regressor == "energy":
         raise IdentificationError(
             "rows of energy need the whole log in memory, but this one is streamed; use "
@@ -358,8 +344,8 @@ def assemble_streamed(
         )
     head = check_consistency(head_of(log))
     require_plausible(head, lib)
-    terms = geared(fit_settings.terms_of(head, chosen), head, lib)
-    shares = fit_settings.shares_of(log, chosen)
+    terms = geared(fit_settings.terms_of(head, settings), head, lib)
+    shares = fit_settings.shares_of(log, settings)
     whole = parts_of_log(log, lib, preparation, terms, shares, is_joined, head.rate_hz)
     progress.step("windows of the parts")
 
@@ -368,7 +354,7 @@ def assemble_streamed(
         return whole[name].recordings()
 
     train, validation, test = (_windows(whole[name], name) for name in PARTS)
-    given = (train, validation, test), lib, chosen, terms, preparation.regressor
+    given = (train, validation, test), lib, settings, terms, preparation.regressor
     assembly = assembled(*given, is_joined=is_joined, pieces=pieces)
     counts = {name: part.count() for name, part in whole.items()}
     spans = {name: part.span for name, part in whole.items()}

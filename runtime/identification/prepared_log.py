@@ -30,6 +30,7 @@ from runtime.identification.single_log import without_torque_columns
 from runtime.library import Library
 from runtime.recording import EVERYTHING, Friction, Preparation, Recording, Split
 from runtime.recording.coupled_joints import in_order_of, independent_joints
+from runtime.recording.current_gains import CurrentGains
 from runtime.recording.friction.columns import OFFSET, ROTOR
 from runtime.recording.friction.model import default_terms
 from runtime.recording.preprocessing.parts import before_test
@@ -37,6 +38,7 @@ from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.settings import has_memory
 from runtime.recording.static_poses import static_poses
 from runtime.recording.streamed import StreamedRecording
+from runtime.recording.unit_conversion import scaled
 
 _ANY_HZ = 1.0  # placeholder of a cut-off that cross-validation replaces, Hz
 
@@ -78,12 +80,15 @@ def prepared_log(
     settings: Settings,
     usable: Sequence[str] = (),
     progress: Progress = SILENT,
+    gains: CurrentGains | None = None,
 ) -> PreparedLog:
     """Choose cut-off, regressor and friction model of a log where the settings do not state them.
 
-    Where neither settings nor recipe name columns of friction they are chosen from `usable`.
+    Where neither settings nor recipe name columns of friction they are chosen from `usable`. Gains
+    of currents are those of another log, or of this one.
     """
     recording, streamed = _in_order(log, lib)
+    recording = recording if gains is None else scaled(recording, gains)
     parts = settings.split if settings.test is None else EVERYTHING
     terms = friction_of(recording, settings)
     prepared, notes, quality = settings.preparation, tuple[str, ...](), None

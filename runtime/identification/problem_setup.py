@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.estimators.methods import METHODS, chosen_method
 from runtime.estimators.prior_file import KnownFriction, friction_prior_of
 from runtime.estimators.problem import FrictionPrior, Origin, Problem, mass_unit
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
@@ -256,13 +255,12 @@ def settings_for(lib: Library, settings: fit_settings.Settings) -> fit_settings.
     """
     if not lib.placeholders or settings.prior is not None:
         return settings
-    method = chosen_method(settings.method, settings.preset, settings.prior)
-    if not METHODS[method].takes_prior:
+    if not settings.estimator.takes_prior:
         return settings
     if settings.method is None:
         return replace(settings, method=WITHOUT_PRIOR)
     raise IdentificationError(
-        f"the method '{method}' needs an inertial prior, but the URDF of '{lib.name}' states no "
-        f"<inertial>; use --method {WITHOUT_PRIOR}, give --prior, or build again with the "
-        f"setting masses"
+        f"the method '{settings.method}' needs an inertial prior, but the URDF of '{lib.name}' "
+        f"states no <inertial>; use --method {WITHOUT_PRIOR}, give --prior, or build again with "
+        f"the setting masses"
     )

@@ -13,7 +13,9 @@ from numpy.typing import ArrayLike
 from runtime.errors import IdentificationError
 from runtime.estimators.choice.friction_choice import FrictionChoice
 from runtime.estimators.choice.regressor_choice import CutoffChoice
+from runtime.estimators.convex.entropic_prior import CAD
 from runtime.estimators.descent.fit import Preset
+from runtime.estimators.methods import METHODS, Method, chosen_method
 from runtime.estimators.prior_file import KnownFriction, PriorFile
 from runtime.estimators.problem import FrictionPrior
 from runtime.recording import Friction, Preparation, Recording, Split
@@ -119,6 +121,16 @@ class Settings:
                 f"a preparation states every step, so {', '.join(beside)} beside it would have no "
                 "effect; put it into the preparation, or leave the preparation out"
             )
+
+    @property
+    def estimator(self) -> Method:
+        """The method that is named, or the one that the other settings belong to."""
+        return METHODS[chosen_method(self.method, self.preset, self.prior)]
+
+    @property
+    def kappa(self) -> float:
+        """Trust κ in the inertial prior."""
+        return self.prior.kappa if self.prior and self.prior.kappa else CAD
 
 
 def require_default(settings: Settings, names: Sequence[str], task: str) -> None:

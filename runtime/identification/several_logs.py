@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from runtime.errors import IdentificationError, RecordingError
-from runtime.estimators.methods import chosen_method, methods_from_statistics, require_method
+from runtime.estimators.methods import methods_from_statistics
 from runtime.estimators.problem import FrictionPrior
 from runtime.estimators.regression.samples import residuals, samples_of
 from runtime.identification import settings as fit_settings
@@ -216,8 +216,8 @@ def assemble_logs(
             f"expected two logs or more with different names, got {', '.join(names)}; rename or "
             "add one"
         )
-    method = chosen_method(settings.method, settings.preset, settings.prior)
-    if not require_method(method).from_statistics:
+    if not settings.estimator.from_statistics:
+        method = settings.estimator.name
         raise IdentificationError(
             f"'{method}' needs the samples of one run and cannot join several logs; use one of "
             f"{', '.join(methods_from_statistics())}"

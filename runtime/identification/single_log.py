@@ -34,9 +34,8 @@ import numpy as np
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError, RuntimeFault
 from runtime.estimators.classical.pc_ols import convex_optimum
-from runtime.estimators.convex.entropic_prior import CAD
 from runtime.estimators.friction_bounds import bounds_of
-from runtime.estimators.methods import METHODS, chosen_method, fit_by
+from runtime.estimators.methods import fit_by
 from runtime.estimators.optimizers import Status
 from runtime.estimators.problem import Fit, Problem, best_friction
 from runtime.estimators.regression.recorded_delay import delay_of_log, stated_delay
@@ -148,7 +147,7 @@ def identify_recording(
     Keywords alone fit the training part only (`refit` False), as a Monte Carlo study needs it.
     """
     chosen = settings_for(lib, bare_settings(settings, keywords))
-    joins = not METHODS[chosen_method(chosen.method, chosen.preset, chosen.prior)].uses_validation
+    joins = not chosen.estimator.uses_validation
     assembly = assembly_of(log, lib, chosen, progress_of(progress), joins)
     result = identify_assembled(assembly, chosen)
     if assembly.finish is None:
@@ -169,15 +168,15 @@ def identify_assembled(
 ) -> Identification:
     """Identify from a problem that is assembled already, by a method or by another fit."""
     chosen = settings_for(assembly.problem.lib, bare_settings(settings, keywords))
-    method = chosen_method(chosen.method, chosen.preset, chosen.prior)
-    start = time.perf_counter()
+    method, start = chosen.estimator, time.perf_counter()
+    takes_all = chosen.refit and not method.needs_samples(chosen.preset)
 
     def by_method(problem: Problem) -> Fit:
-        return fit_by(problem, method, chosen.preset, chosen.prior, assembly.origin)
+        return fit_by(problem, method.name, chosen.preset, chosen.prior, assembly.origin)
 
     fitted = fit_of or by_method
     given, assembly = assembly, with_modelled_torque(assembly, fitted)
-    assembly = _weighted(assembly, method, chosen)
+    assembly = _weighted(assembly, chosen)
     problem, parts = assembly.problem, assembly.parts
     lib = problem.lib
     fit = fitted(problem)
@@ -185,7 +184,7 @@ def identify_assembled(
     statistics, optimum = fit.statistics or problem.statistics(), fit.optimum
     if optimum is None:
         guess = lib.pi_from_lam(problem.start)
-        bounds = bounds_of(problem, True) if METHODS[method].bounds_friction else None
+        bounds = bounds_of(problem, True) if method.bounds_friction else None
         optimum = convex_optimum(lib, statistics, guess, bounds).loss if chosen.certify else np.nan
     weights = problem.weights if fit.weights is None else fit.weights
     loss = statistics.value(fit.pi, fit.phi)  # in the weights of the optimum
@@ -193,7 +192,7 @@ def identify_assembled(
         rest = problem.train.tau - torque_of(lib, problem.train, fit.pi, fit.phi, fit.learned)
         loss = float(np.mean(rest**2 @ problem.weights) / 2)
     result = Identification(
-        method=method,
+        method=method.name,
         lib=lib,
         pi=fit.pi,
         lam=fit.lam,
@@ -205,7 +204,7 @@ def identify_assembled(
         loss=loss,
         optimum=optimum,
         zero_loss=float(np.mean(problem.train.tau**2 @ weights) / 2),
-        uncertainty=_uncertainty(assembly, fit, method, chosen) if chosen.certify else None,
+        uncertainty=_uncertainty(assembly, fit, chosen) if chosen.certify else None,
         seconds=seconds,
         iterations=fit.iterations,
         trace=fit.trace,
@@ -219,18 +218,18 @@ def identify_assembled(
         learned=fit.learned,
         urdf_phi=best_friction(statistics, lib.pi0, fit.phi.shape) if fit.phi.size else None,
     )
-    if not is_refitted(assembly, chosen, method) or fit.status == Status.INTERRUPTED.value:
+    if not (takes_all and is_refitted(assembly)) or fit.status == Status.INTERRUPTED.value:
         return result
-    whole = _weighted(with_modelled_torque(with_all_rows(given), fitted), method, chosen)
+    whole = _weighted(with_modelled_torque(with_all_rows(given), fitted), chosen)
     return _refitted(result, whole, fitted, chosen, rows_of(problem, fit))
 
 
-def _weighted(assembly: Assembly, method: str, settings: Settings) -> Assembly:
+def _weighted(assembly: Assembly, settings: Settings) -> Assembly:
     """The assembly with weights of its training rows, where the settings request them."""
     if not settings.robust:
         return assembly
     lib, t = assembly.problem.lib, assembly.parts[0].t
-    problem, weights = robust_problem(assembly.problem, method)
+    problem, weights = robust_problem(assembly.problem, settings.estimator.name)
     notes = assembly.notes
     if len(t) == len(weights.weights):
         notes += (weights.note(t, lib.joint_names),)
@@ -250,7 +249,7 @@ def _refitted(
     if result.uncertainty:
         # Errors of the friction model grow with the rows as a contradiction does: the margin of the
         # tests holds for training rows.
-        posterior = _uncertainty(whole, fit, result.method, settings, tests=False)
+        posterior = _uncertainty(whole, fit, settings, tests=False)
         posterior = replace(posterior, tests=result.uncertainty.tests)
     return replace(
         result,
@@ -275,9 +274,9 @@ def refit_note(rows: int, trained: int, figures: str, is_complete: bool) -> str:
 
 
 def _uncertainty(
-    assembly: Assembly, fit: Fit, method: str, settings: Settings, tests: bool = True
+    assembly: Assembly, fit: Fit, settings: Settings, tests: bool = True
 ) -> Uncertainty:
-    """Posterior of the fit; κ is that of the inertial prior where it states one."""
+    """Posterior of the fit."""
     problem, prior = assembly.problem, settings.prior
     lib = problem.lib
     posterior = uncertainty_of(
@@ -286,11 +285,11 @@ def _uncertainty(
         fit.pi,
         fit.phi,
         first_guess=lib.pi_from_lam(problem.start),
-        kappa=prior.kappa if prior and prior.kappa else CAD,
+        kappa=settings.kappa,
         statistics=fit.statistics,
         coloured_noise=fit.coloured_noise,
         compressed=problem.statistics,
-        is_most_probable=METHODS[method].is_most_probable,
+        is_most_probable=settings.estimator.is_most_probable,
         centre=None if prior is None else prior.centre,
         tests=tests,
         gain_sigma=settings.gain_sigma,
@@ -304,15 +303,13 @@ def _uncertainty(
     return replace(posterior, filtered=filter_inflation(steps, rows.rate_hz))
 
 
-def is_refitted(assembly: Assembly, settings: Settings, method: str) -> bool:
-    """Whether a result is fitted to all rows after its errors are known."""
+def is_refitted(assembly: Assembly) -> bool:
+    """Whether a problem can be fitted to all rows after its errors are known."""
     train, _, test = assembly.parts
     return (
-        settings.refit
-        and assembly.is_cut
+        assembly.is_cut
         and not np.array_equal(train.t, test.t)  # else all rows train already
         and assembly.problem.train.equations == assembly.problem.lib.n_joints
-        and not METHODS[method].needs_samples(settings.preset)
     )
 
 

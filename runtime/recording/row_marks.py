@@ -24,9 +24,9 @@ _STEP = 1e-4  # step of rounding [rad, m, N·m, N]
 _ASIDE = 0.2371  # shift of the rounding, in steps: printed decimals do not lie between two steps
 
 
-def row_marks(recording: Recording, with_torque: bool = True) -> Marks:
-    """Marks of a log as read, at most `COUNT`; of a log of currents those of its positions."""
-    return row_hashes(recording, with_torque)[:COUNT]
+def row_marks(*logs: Recording) -> Marks:
+    """Marks of logs as read, at most `COUNT`; of a log of currents those of its positions."""
+    return np.unique(np.concatenate([row_hashes(log) for log in logs]))[:COUNT]
 
 
 def row_hashes(recording: Recording, with_torque: bool = True) -> Marks:

@@ -1,19 +1,26 @@
 """Tables of a log → SI units, joint side: corrupt rows, units, signs, order, gear, repeats.
 
-The order of the steps from a number in a file to a joint angle is that of `recipe`.
+The order of the steps from a number in a file to a joint angle is that of `recipe`. Where a control
+law gives the torque, desired and measured motion on the joint side give it:
+
+    τ = r clip(kp r (q_des − q) + kd r (dq_des − dq) + τ_ff, ± limit)
+
+It is commanded: what the motors deliver may be later (`Preparation.torque_delay_s`) and is not
+known from the log. Source of the law: the drives of servo arms and legged robots.
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from runtime.common.tables import significant
 from runtime.errors import RecordingError
 from runtime.library import Array, Integers
-from runtime.recording.commanded_torque import commanded_torque, per_joint
 from runtime.recording.consistency import unwrap
 from runtime.recording.current_gains import CurrentGains
 from runtime.recording.formats.tables import MAX_CORRUPT, Tables
-from runtime.recording.recipes.recipe import EXTRA_UNITS, UNITS, Recipe, Signal, Time
+from runtime.recording.recipes.recipe import EXTRA_UNITS, UNITS, ControlLaw, Recipe, Signal, Time
 from runtime.recording.recording import Recording
 
 FIELDS = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "tau"}
@@ -64,6 +71,44 @@ def converted(
     facts |= {"torque_source": plan.torque_source, "law": plan.law}
     said = (*history, *dropped, *notes, *steps, *repeated, *omitted)
     return Recording(t, **signals, **facts, history=said)
+
+
+def commanded_torque(
+    law: ControlLaw, motion: Mapping[str, Array], parts: Mapping[str, Array]
+) -> tuple[Array, str]:
+    """Torque of a control law: motion (N, n) [rad, m], parts (N, n) → (N, n) [N·m, N]."""
+    q = motion["q"]
+    n = q.shape[1]
+    for kind, values in parts.items():
+        if values.shape != q.shape:
+            raise RecordingError(
+                f"[torque] {kind.replace('_', ' ')} is expected to have {n} columns like the "
+                f"positions, got {values.shape[1]}; name one per joint"
+            )
+    kp, kd, limit, gear = (
+        parts[key] if key in parts else per_joint("torque", key, getattr(law, key), n)
+        for key in ("kp", "kd", "effort_limit", "gear")
+    )
+    tau = kp * gear * (parts["desired_position"] - q)
+    if "dq" in motion and law.needs_velocity:
+        tau += kd * gear * (parts.get("desired_velocity", 0.0) - motion["dq"])
+    tau += parts.get("feed_forward", 0.0)
+    bound = np.where(limit > 0, limit, np.inf)
+    clipped = float(np.mean(np.any(np.abs(tau) > bound, axis=1)))
+    percent = significant(100 * clipped)
+    limits = f"; {percent} % of the rows are at the effort limit" if clipped else ""
+    torque = gear * np.clip(tau, -bound, bound)
+    return torque, f"Computed τ by the {law}: it is commanded, not measured{limits}."
+
+
+def per_joint(kind: str, key: str, value: object, n: int) -> Array:
+    """One value per joint (n,) from a scalar or a list."""
+    numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
+    if len(numbers) not in {1, n}:
+        raise RecordingError(
+            f"[{kind}] {key} expects one value or {n}, got {len(numbers)}; give one per joint"
+        )
+    return np.broadcast_to(numbers, (n,))
 
 
 def usable_rows(raw: Tables) -> tuple[Integers, list[str]]:

@@ -13,9 +13,7 @@ import numpy as np
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.entropic_prior import CAD
 from runtime.estimators.gauss_newton import Linearised, gauss_newton
-from runtime.estimators.methods import chosen_method
 from runtime.estimators.regression.factor import reduce
 from runtime.estimators.regression.recorded_delay import (
     CLOSE_S,
@@ -38,9 +36,9 @@ from runtime.identification.settings import SILENT, Progress, Settings, terms_of
 from runtime.identification.single_log import identify_assembled, identify_recording
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
-from runtime.recording.commanded_torque import without_ends
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction.coupled_motors import geared
+from runtime.recording.preprocessing.parts import without_ends
 from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.settings import COLUMNS
 
@@ -169,7 +167,7 @@ def linearised_at(
         result,
         problem.request,
         bias=problem.split(x)[1],
-        kappa=settings.prior.kappa if settings.prior and settings.prior.kappa else CAD,
+        kappa=settings.kappa,
         phi_prior=None if known is None else known.sigma,
         rough=rough,
         known_sigma=problem.sigma,
@@ -187,8 +185,7 @@ def identify_drive(
     progress: Progress = SILENT,
 ) -> Identification:
     """Identify a robot together with the delay of its torque and its encoder biases."""
-    method = chosen_method(settings.method, settings.preset, settings.prior)
-    if method != "map":
+    if (method := settings.estimator.name) != "map":
         raise IdentificationError(
             f"a delay or an encoder bias is estimated with the method map, got {method}; leave out "
             "--method, or give the delay in the recipe (torque_delay_s under [preparation])"

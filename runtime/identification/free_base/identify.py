@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime.common.threads import one_blas_thread
-from runtime.estimators.convex.entropic_prior import CAD
 from runtime.estimators.friction_bounds import ERROR_OF
 from runtime.estimators.methods import fit_by
 from runtime.estimators.optimizers import Status
@@ -28,7 +27,7 @@ from runtime.identification.free_base.prepared_walk import PreparedWalk, notes_o
 from runtime.identification.free_base.rows import FreeBaseRows
 from runtime.identification.problem_setup import PARTS, Assembly, ShownRows
 from runtime.identification.result_file import provenance_of, record_about, stated_steps
-from runtime.identification.settings import Settings, cutoff_of
+from runtime.identification.settings import Settings
 from runtime.identification.several_logs import agreement_of
 from runtime.identification.single_log import refit_note
 from runtime.library import Array, Integers, Library
@@ -36,7 +35,7 @@ from runtime.library.free_base import FREEDOM
 from runtime.recording import Preparation, Recording
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.recipes.recipe import COMMANDED, MEASURED
-from runtime.recording.row_marks import COUNT, row_marks
+from runtime.recording.row_marks import row_marks
 from runtime.recording.settings import WIDTHS
 
 
@@ -83,15 +82,14 @@ def identify_free_base(
     )
     deviations = np.linalg.norm(root, axis=1)
     of_sensors = zip(data.sensors, fit.phi[0], deviations, strict=False)
-    cutoff_hz = cutoff_of(settings.cutoff)
     preparation = Preparation()
-    if cutoff_hz is not None:
-        preparation = Preparation(filter="butterworth", cutoff_hz=cutoff_hz)
+    if data.cutoff_hz is not None:
+        preparation = Preparation(filter="butterworth", cutoff_hz=data.cutoff_hz)
     is_commanded = logs[0].is_commanded
     is_late = is_commanded or settings.delay is not None
     record = record_about(
         *(lib, fit.pi, fit.lam),
-        method=data.method.name,
+        method=settings.estimator.name,
         base="free",
         status=fit.status,
         recording=schema.RecordingPart.with_gaps(
@@ -139,7 +137,7 @@ def identify_free_base(
     )
     return results.FreeBaseIdentification(
         *(record, fit.pi, terms, phi, preparation),
-        row_marks=np.unique(np.concatenate([row_marks(log.joints) for log in logs]))[:COUNT],
+        row_marks=row_marks(*(log.joints for log in logs)),
         lib=lib,
         evidence=evidence,
         predictions={"t": test.t, "measured": measured, "before": before, "after": after},
@@ -190,7 +188,8 @@ class WalkFit:
 def _fitted(data: PreparedWalk, instants: Integers, are_few: bool = False) -> WalkFit:
     """Fit of some instants; tied drives have a prior by a fit without it."""
     motion, notes = data.motion.rows(instants), list[str]()
-    rows, settings, method = data.rows_of(motion), data.settings, data.method
+    rows, settings = data.rows_of(motion), data.settings
+    method = settings.estimator
     problem, weights = _problem(data, rows, motion.seconds, data.tested, are_few)
     if settings.robust:
         problem, robust = robust_problem(problem, method.name)
@@ -222,8 +221,7 @@ def _problem(
         sensed = FrictionPrior.of_some(samples.shape, np.s_[0, : len(sigma)], 0.0, sigma)
     columns = tuple(f"{ERROR_OF}{name}" for name in sensors)
     if data.drives is None:
-        cutoff_hz = cutoff_of(data.settings.cutoff)
-        floor, weights = drives.noise_of(data.lib, rows, sensed, cutoff_hz, seconds, are_few)
+        floor, weights = drives.noise_of(data.lib, rows, sensed, data.cutoff_hz, seconds, are_few)
         samples = samples if floor is None else samples.weighted(weights)
     else:
         columns = (*columns, *data.drives.names(data.lib.joint_names))
@@ -278,7 +276,8 @@ def _evidence(
 ) -> results.Evidence:
     """Data and priors about a fit; offsets (N, m, o) of sensors move π and φ."""
     lib, samples, prior = data.lib, problem.train, data.settings.prior
-    if data.method.is_most_probable:
+    is_most_probable = data.settings.estimator.is_most_probable
+    if is_most_probable:
         (weights, noise), statistics = fit.noise(), fit.statistics or problem.statistics()
     else:
         weights, statistics, noise = visible_noise(
@@ -292,10 +291,10 @@ def _evidence(
         statistics,
         None if known is None else known.statistics(statistics, level),
         level,
-        prior.kappa if prior and prior.kappa else CAD,
+        data.settings.kappa,
         None if prior is None else prior.centre,
         np.einsum("nmp,m,nmo->po", columns, weights, offsets, optimize=True),
-        data.method.is_most_probable,
+        is_most_probable,
         noise.inflation,
         seconds,
         data.of_drives,

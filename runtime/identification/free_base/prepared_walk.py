@@ -7,7 +7,7 @@ import numpy as np
 
 from runtime.common.texts import number_of
 from runtime.errors import IdentificationError
-from runtime.estimators.methods import METHODS, Method, chosen_method, methods_from_statistics
+from runtime.estimators.methods import methods_from_statistics
 from runtime.estimators.problem import FrictionPrior, NoiseFloor
 from runtime.identification.drive.symmetry import with_mirrored_links
 from runtime.identification.free_base import drives as row_noise
@@ -31,26 +31,20 @@ NOT_TAKEN = (
 
 def settings_of_walks(
     logs: Sequence[FreeBaseRecording], lib: Library, settings: Settings
-) -> tuple[Settings, Method]:
-    """Settings with ties of mirrored links, and their method; refuse what walks cannot use."""
+) -> Settings:
+    """Settings with ties of mirrored links; refuse what walks cannot use."""
     if not lib.manifest.floating:
         raise IdentificationError(
             f"the base of '{lib.name}' is fixed, so a log with the motion of a base does not fit; "
             "build the robot with --floating, or give a log of joints alone"
         )
     prior = with_mirrored_links(settings.prior, lib, tuple(settings.symmetric), settings.tie)
-    method = METHODS[chosen_method(settings.method, settings.preset, prior)]
+    settings = replace(settings, prior=prior)
     require_default(settings, NOT_TAKEN, "a robot with a free base")
     if settings.cutoff == AUTO:
         raise IdentificationError(
             "the cut-off of a robot with a free base is not chosen from the log, whose filter ends "
             "at every change of a contact; give --cutoff HZ, or leave it out"
-        )
-    if method.needs_samples(settings.preset):
-        raise IdentificationError(
-            f"the method {method.name} takes motion and torques sample by sample, and the rows of "
-            "a free base are equations of which unknown wrenches were eliminated; use one of "
-            f"{', '.join(methods_from_statistics())}"
         )
     for log in logs:
         plausibility.require_clock(log)
@@ -64,7 +58,14 @@ def settings_of_walks(
         raise IdentificationError(
             f"--split needs a training share of 0.1 to 0.95 of the log, got {share:g}"
         )
-    return replace(settings, prior=prior), method
+    method = settings.estimator
+    if method.needs_samples(settings.preset):
+        raise IdentificationError(
+            f"the method {method.name} takes motion and torques sample by sample, and the rows of "
+            "a free base are equations of which unknown wrenches were eliminated; use one of "
+            f"{', '.join(methods_from_statistics())}"
+        )
+    return settings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +75,7 @@ class PreparedWalk:
     logs: Sequence[FreeBaseRecording]
     lib: Library
     settings: Settings
-    method: Method
+    cutoff_hz: float | None  # of the low-pass
     rows: str  # base, joints or all
     motion: FreeBaseMotion
     drives: equations.Drives | None
@@ -112,7 +113,7 @@ def prepared_walk(
     logs: Sequence[FreeBaseRecording], lib: Library, settings: Settings, trim_s: float, joins: bool
 ) -> PreparedWalk:
     """Motion of logs that agree with the robot; joined, the validation part trains."""
-    settings, method = settings_of_walks(logs, lib, settings)
+    settings = settings_of_walks(logs, lib, settings)
     split, is_commanded = settings.split or Split(), logs[0].is_commanded
     shares = split.joined()[1:] if joins else split.validation
     rows = settings.rows or usual_rows(logs)
@@ -169,7 +170,7 @@ def prepared_walk(
         plausibility.require_contact_conventions(lib, train.rows(instants), name)
         plausibility.require_torque_sign(lib, train.rows(instants), name)
     return PreparedWalk(
-        *(logs, lib, settings, method, rows, motion, drives, terms),
+        *(logs, lib, settings, cutoff_hz, rows, motion, drives, terms),
         known_friction(lib, settings, terms.columns, terms) if terms.columns else None,
         dict(equations.sensor_errors(motion.contacts, motion.logs)),
         *(parts, np.sort(np.concatenate(parts)), tested, tuple(notes)),

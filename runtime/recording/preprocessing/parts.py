@@ -12,9 +12,11 @@ import numpy as np
 
 from runtime.library import Array
 from runtime.recording import Preparation, Recording, Split
+from runtime.recording.recipes.recipe import COMMANDED
 
 GUARD = 1.0  # guard gap times a Butterworth cut-off: 2.4 time constants of its slowest pole
 LARGEST_SHARE = 0.25  # largest share of a part that is trimmed at either end
+MOST_TRIMMED = 0.05  # largest share of a log that is left out at either end of a commanded torque
 
 ROUNDING = 1e-9  # share of a part within which an instant is at its edge
 
@@ -59,6 +61,19 @@ def before_test(recording: Recording, parts: Split | None = None) -> Recording:
         return recording
     rows = rows_between(recording.t, 0.0, last)
     return recording.take(rows, f"Took the rows before the test part ({rows.stop} rows).")
+
+
+def without_ends(recording: Recording, preparation: Preparation) -> Preparation:
+    """The preparation without both ends of a commanded torque.
+
+    There the low-pass extrapolates, and a robot that starts from rest holds any torque below its
+    dry friction.
+    """
+    cutoff = preparation.cutoff_hz
+    if recording.torque_source != COMMANDED or preparation.trim_s is not None or cutoff is None:
+        return preparation
+    trim = min(1.0 / cutoff, MOST_TRIMMED * recording.duration)
+    return replace(preparation, trim_s=float(f"{trim:.3g}"))
 
 
 def prepared_parts(

@@ -7,8 +7,8 @@ A signal of the file passes, in this order: unit (and gain) → order → sign �
 
 Nothing of this is guessed; a recipe states it. `recipe_file` reads recipes from TOML.
 
-Without a torque sensor a control law gives the torque; `runtime.recording.commanded_torque`
-computes it.
+Without a torque sensor a control law gives the torque; `runtime.recording.unit_conversion` computes
+it.
 
     τ_m = kp (r q_des − r q) + kd (r dq_des − r dq) + τ_ff,  |τ_m| ≤ limit,   τ = r τ_m
 

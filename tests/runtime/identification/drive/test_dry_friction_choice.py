@@ -14,8 +14,8 @@ from runtime.identification.settings import Settings
 from runtime.library import Array, Library, load
 from runtime.monitoring.model import model_of
 from runtime.recording import Friction, Preparation, Recording
-from runtime.recording.commanded_torque import without_ends
 from runtime.recording.friction.model import DRIVE, columns
+from runtime.recording.preprocessing.parts import without_ends
 from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.settings import JointMotion
 from runtime.recording.streamed import StreamedRecording, open_streamed

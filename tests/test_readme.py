@@ -17,7 +17,7 @@ from runtime.estimators.literature.iv_didim import read_controller
 from runtime.estimators.prior_file import read_prior
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.safety import read_obstacles
-from runtime.excitation.trajectory_file import write_motion
+from runtime.excitation.motion.trajectory import write_motion
 from runtime.recording.recipes.recipe_file import load_recipe
 from symgen.chain.mechanism import Mechanism
 from symgen.cli.make import read_mechanism

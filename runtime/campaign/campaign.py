@@ -29,9 +29,9 @@ from runtime.common.files import DRAFT, json_of, replacing, write_json
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.safety import Safety
-from runtime.excitation.search.design import design
+from runtime.excitation.motion.trajectory import read_trajectory
+from runtime.excitation.search.design import design, write_trajectory
 from runtime.excitation.search.information import Information, information
-from runtime.excitation.trajectory_file import read_trajectory, write_trajectory
 from runtime.excitation.way import way_to
 from runtime.identification.result_file import write_result
 from runtime.library import Array, Library

@@ -44,13 +44,13 @@ from runtime.excitation.search.design import (
     torque_sigma,
     variation_count,
     with_motion,
+    write_trajectory,
 )
 from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.information import FRICTION, Information
 from runtime.excitation.search.prediction import Prediction, predict, without_unseen
 from runtime.excitation.search.single_start import TRIED
 from runtime.excitation.static_poses import RANDOM_SETS, design_poses, pose_json, pose_table
-from runtime.excitation.trajectory_file import write_trajectory
 from runtime.library import Library
 from runtime.library.manifest import common_unit, torque_units
 from runtime.outputs.report.motion_figures import profile_of, write_pictures

@@ -17,7 +17,15 @@ from runtime.excitation import Trajectory
 from runtime.excitation.limits.distance_limits import OBSTACLE
 from runtime.excitation.limits.safety import Safety, require_consent
 from runtime.excitation.limits.safety import unchecked as unchecked_limits
-from runtime.excitation.motion.trajectory import WAYS, JoinedMotion, joined, require_speed
+from runtime.excitation.motion.trajectory import (
+    LONGEST,
+    WAYS,
+    JoinedMotion,
+    joined,
+    read_trajectory,
+    require_speed,
+    write_motion,
+)
 from runtime.excitation.motion_export import CERTIFICATE, MOTION_FORMATS, export_trajectory
 from runtime.excitation.proof.certificate import (
     DISTANCES,
@@ -26,8 +34,6 @@ from runtime.excitation.proof.certificate import (
     Use,
     certified,
 )
-from runtime.excitation.search.design_settings import LONGEST
-from runtime.excitation.trajectory_file import read_trajectory, write_motion
 from runtime.excitation.way import Way, way_back, way_to
 from runtime.library import Array, Library
 from runtime.outputs.report.motion_figures import picture_paths

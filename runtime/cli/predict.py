@@ -13,9 +13,9 @@ from runtime.common import settings
 from runtime.common.files import json_text, require_unused
 from runtime.common.terminal import completing, say, show
 from runtime.errors import IdentificationError
+from runtime.excitation.motion.trajectory import read_trajectory
 from runtime.excitation.search.criteria import unseen_joints
 from runtime.excitation.search.information import FRICTION, NOISE, RATE, information
-from runtime.excitation.trajectory_file import read_trajectory
 from runtime.identification.expected_accuracy import expected as accuracy
 from runtime.identification.expected_accuracy import planned_samples
 from runtime.identification.expected_accuracy.expected import SECONDS, Expected

@@ -24,8 +24,8 @@ from runtime.common.settings import (
 from runtime.common.terminal import console, say
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
+from runtime.excitation.motion.trajectory import read_trajectory, write_motion
 from runtime.excitation.search.design import design
-from runtime.excitation.trajectory_file import read_trajectory, write_motion
 from runtime.library import Library
 from runtime.recording import Recording, write_recording
 from runtime.simulation.closed_loop import perturbed_lam, write_controller

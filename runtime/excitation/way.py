@@ -26,10 +26,9 @@ from runtime.excitation.limits.distance_limits import use_of
 from runtime.excitation.limits.nonlinear_limits import DEPENDENT, Braking, Constraint
 from runtime.excitation.limits.safety import Safety, require_share
 from runtime.excitation.motion.family import Spline
-from runtime.excitation.motion.trajectory import GAP, Trajectory, end_of
+from runtime.excitation.motion.trajectory import GAP, LONGEST, Trajectory, end_of
 from runtime.excitation.proof.bounds import KINDS
 from runtime.excitation.proof.certificate import PLACES, certificate_of
-from runtime.excitation.search.design_settings import LONGEST
 from runtime.library import Array, Library, Mask
 
 STEP = 0.03  # largest step of a joint between two examined poses [rad, m]

@@ -25,8 +25,7 @@ from runtime.estimators.problem import Problem
 from runtime.estimators.regression.factor import Reduced, compress, reduce
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.excitation import COST_SAMPLES, ConditionCost, Trajectory
-from runtime.excitation.motion.trajectory import fourier_basis
-from runtime.excitation.trajectory_file import read_trajectory
+from runtime.excitation.motion.trajectory import fourier_basis, read_trajectory
 from runtime.library import Array, Library
 from runtime.library.compiled_descent import CompiledLevenberg
 from runtime.library.compiled_programs import CompiledExcitation

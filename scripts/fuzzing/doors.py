@@ -18,7 +18,7 @@ from runtime.common.files import json_of
 from runtime.errors import RuntimeFault
 from runtime.estimators.literature.iv_didim import read_controller
 from runtime.estimators.prior_file import read_prior
-from runtime.excitation.trajectory_file import read_trajectory
+from runtime.excitation.motion.trajectory import read_trajectory
 from runtime.experiments.report import write_experiments
 from runtime.experiments.storage import read_rows
 from runtime.identification.comparison.run import read_truth

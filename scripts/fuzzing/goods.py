@@ -12,7 +12,7 @@ import tomli_w
 
 from runtime.common.files import write_json
 from runtime.excitation import Trajectory
-from runtime.excitation.trajectory_file import write_motion
+from runtime.excitation.motion.trajectory import write_motion
 from runtime.experiments.storage import CONFIG, write_outcome
 from runtime.experiments.study import Study, StudyOutcome, View
 from runtime.identification.result_file import write_result

@@ -17,9 +17,8 @@ import numpy as np
 import runtime
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.safety import Safety
-from runtime.excitation.motion.trajectory import sample_times
+from runtime.excitation.motion.trajectory import read_trajectory, sample_times
 from runtime.excitation.search.design import design
-from runtime.excitation.trajectory_file import read_trajectory
 from runtime.identification.single_log import identify_recording
 from runtime.inspection import inspect_log
 from runtime.library.parameters import inertia_matrix

@@ -15,9 +15,8 @@ import pytest
 from runtime import Identification, Recording, read_recording, write_recording
 from runtime.cli import main
 from runtime.excitation import Trajectory
-from runtime.excitation.search.design import Design
+from runtime.excitation.search.design import Design, write_trajectory
 from runtime.excitation.search.information import FRICTION
-from runtime.excitation.trajectory_file import write_trajectory
 from runtime.identification.expected_accuracy.planned_samples import (
     MotionSamples,
     motion_samples_of,

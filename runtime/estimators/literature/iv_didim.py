@@ -43,7 +43,7 @@ from runtime.estimators.regression.factor import compress
 from runtime.estimators.regression.posterior import ROUNDING
 from runtime.estimators.regression.samples import Samples
 from runtime.excitation import Trajectory
-from runtime.excitation.trajectory_file import read_trajectory
+from runtime.excitation.motion.trajectory import read_trajectory
 from runtime.library import Array, Library
 from runtime.recording import Recording
 from runtime.recording.friction.columns import COULOMB

@@ -1,4 +1,4 @@
-"""Motions q(t) = home + Σ_m a_m φ_m(t) per joint, at rest at both ends (Eqs. 3.24–3.28).
+"""Motions q(t) = home + Σ_m a_m φ_m(t) per joint, at rest at both ends (Eqs. 3.24–3.28), and JSON.
 
 The functions φ of s = t/t_f vanish at both ends with two derivatives. On request the third
 derivative vanishes at both ends too; the polynomials gain two degrees then. Another package adds a
@@ -8,13 +8,17 @@ basis by an entry point of the group "symgen.bases". With w = 2πm and u = s(1�
     fourier  the cosines, then sin ws − w (s − 10s³ + 15s⁴ − 6s⁵)
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.polynomial.polynomial import polyval
 
-from runtime.errors import IdentificationError
+from runtime.common.files import json_of, write_json
+from runtime.errors import IdentificationError, RecordingError
 from runtime.excitation.motion.family import TRANSFER, Basis, BasisFamily, Spline
 from runtime.library import Array, Library
 from runtime.registry import Registry
@@ -183,6 +187,8 @@ BASES = Registry(  # all bases of excitation motions by name; these return home
     },
     IdentificationError,
 )
+LONGEST = 3600.0  # longest motion, s; beyond it the grid of the limits exceeds the memory
+LARGEST_NUMBER = 1e6  # largest number of a trajectory that is read, in SI units
 MOST_SAMPLES = 10_000_000  # most samples: more exceed the memory of an ordinary computer
 
 
@@ -329,3 +335,95 @@ def joined(
     parts = zip((WAYS[0], "motion", WAYS[1]), (approach, motion, back), strict=True)
     given = {name: part for name, part in parts if part is not None}
     return JoinedMotion(tuple(given.values()), tuple(given))
+
+
+def write_motion(
+    trajectory: Trajectory,
+    lib: Library,
+    path: Path,
+    known: dict[str, Any] | None = None,
+    ways: Mapping[str, Trajectory] | None = None,
+) -> None:
+    """Write a trajectory and further facts, atomically."""
+    facts = {
+        "robot": lib.name,
+        "joints": list(lib.joint_names),
+        **_facts(trajectory),
+        **(known or {}),
+        **{name: _facts(way) for name, way in (ways or {}).items()},
+    }
+    write_json(path, facts, allow_nan=True)
+
+
+def _facts(trajectory: Trajectory) -> dict[str, Any]:
+    basis = trajectory.basis
+    return {
+        "basis": basis.equation,
+        "basis_name": basis.name,
+        "zero_jerk_at_ends": basis.zero_jerk,
+        "duration": trajectory.duration,
+        "home": trajectory.home.tolist(),
+        "coefficients": trajectory.coefficients.tolist(),
+    }
+
+
+def read_session(path: Path, lib: Library) -> JoinedMotion:
+    """Read a motion with the ways to its start and back that its file holds."""
+    motion = read_trajectory(path, lib)
+    facts = json_of(path)
+    approach, back = (
+        _trajectory(facts[name], facts["joints"], path, lib) if name in facts else None
+        for name in WAYS
+    )
+    return joined(approach, motion, back)
+
+
+def read_trajectory(path: Path, lib: Library) -> Trajectory:
+    """Read a trajectory of this robot; a file without the name of a basis has cosines."""
+    try:
+        facts = json_of(path)
+        joints = facts["joints"]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise _no_trajectory(path, error) from None
+    return _trajectory(facts, joints, path, lib)
+
+
+def _no_trajectory(path: Path, error: Exception) -> RecordingError:
+    return RecordingError(
+        f"'{path}' is not a trajectory ({type(error).__name__}); make one with: "
+        "python -m runtime excite"
+    )
+
+
+def _trajectory(facts: Any, joints: object, path: Path, lib: Library) -> Trajectory:
+    """A trajectory of a file, checked against its robot."""
+    try:
+        trajectory = Trajectory(
+            np.array(facts["home"], dtype=float),
+            np.array(facts["coefficients"], dtype=float),
+            float(facts["duration"]),
+            basis_of(facts.get("basis_name", COSINE.name), facts.get("zero_jerk_at_ends") is True),
+        )
+    except IdentificationError as error:
+        raise RecordingError(f"the trajectory '{path}' cannot be read: {error}") from None
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise _no_trajectory(path, error) from None
+    n = lib.n_joints
+    shape = trajectory.coefficients.shape
+    fits = trajectory.home.shape == (n,) and len(shape) == 2 and shape[0] == n
+    if joints != list(lib.joint_names) or not fits or not trajectory.coefficients.size:
+        raise RecordingError(f"the trajectory '{path}' belongs to another robot than '{lib.name}'")
+    if shape[1] % trajectory.basis.size(1):
+        raise RecordingError(
+            f"the trajectory '{path}' has {shape[1]} coefficients per joint, its basis "
+            f"'{trajectory.basis.name}' takes pairs of coefficients; make one with: "
+            "python -m runtime excite"
+        )
+    numbers = [*trajectory.home, *trajectory.coefficients.ravel(), trajectory.duration]
+    if not (np.abs(numbers) < LARGEST_NUMBER).all() or not 0 < trajectory.duration <= LONGEST:
+        raise RecordingError(
+            f"the trajectory '{path}' holds numbers beyond {LARGEST_NUMBER:g} or not finite, or a "
+            f"duration that is not positive or beyond {LONGEST:g} s; make one with: "
+            "python -m runtime excite"
+        )
+    return trajectory

@@ -31,10 +31,11 @@ more often than a fit of all logs does.
 """
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, Unpack
 
 import numpy as np
@@ -44,11 +45,12 @@ from runtime.errors import IdentificationError
 from runtime.excitation.limits.constraints import Limits, inside
 from runtime.excitation.limits.distance_limits import use_of
 from runtime.excitation.limits.safety import Safety, unchecked
-from runtime.excitation.motion.trajectory import Trajectory
+from runtime.excitation.motion.trajectory import Trajectory, write_motion
 from runtime.excitation.search.criteria import CRITERIA, unseen_joints
 from runtime.excitation.search.design_settings import DesignKeywords, DesignSettings, settings_from
 from runtime.excitation.search.information import Information, in_time, projected
 from runtime.excitation.search.measures import INFORMED_SAMPLES, ConditionCost, covariance
+from runtime.excitation.search.prediction import Prediction
 from runtime.excitation.search.single_start import TRIED, Search
 from runtime.excitation.search.workers import Task, descents
 from runtime.library import Array, Library, require_library
@@ -109,6 +111,30 @@ class Design:
     unchecked: tuple[str, ...] = ()
     variations: tuple[float, ...] = ()
     behind: int = 0
+
+
+def write_trajectory(
+    designed: Design,
+    lib: Library,
+    path: Path,
+    prediction: Prediction | None = None,
+    ways: Mapping[str, Trajectory] | None = None,
+    further: Mapping[str, Any] | None = None,
+) -> None:
+    """Write a design and its predicted accuracy, atomically."""
+    known = {
+        "condition_number": designed.condition,
+        "condition_numbers_of_starts": list(designed.conditions),
+        "condition_numbers_of_relatives": list(designed.variations),
+        "criterion": designed.criterion,
+        "criterion_of_starts": list(designed.values),
+        "use_of_limits": designed.use,
+        "assumptions": list(designed.assumptions),
+        **(further or {}),
+    }
+    if prediction is not None:
+        known["prediction"] = prediction.facts()
+    write_motion(designed.trajectory, lib, path, known, ways)
 
 
 def variation_count(criterion: str, starts: int) -> int:

@@ -10,11 +10,10 @@ import numpy as np
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.safety import Safety, require_share
 from runtime.excitation.motion.family import Basis
-from runtime.excitation.motion.trajectory import BASES, COSINE
+from runtime.excitation.motion.trajectory import BASES, COSINE, LONGEST
 from runtime.excitation.search.information import Information
 from runtime.library import Array
 
-LONGEST = 3600.0  # longest motion, s; beyond it the grid of the limits exceeds the memory
 SHORTEST = 1e-3  # shortest duration of a trajectory [s]: a controller has one period in it
 MOST_HARMONICS = 1000  # largest number of harmonics; a search of as many takes hours
 

@@ -13,6 +13,7 @@ Y is the part of a column that no other produces. Where R_kk ≤ `SHOWN`, and mo
 functions do not help, the design leaves the parameter at the value of the URDF, as `identify` does.
 """
 
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -77,6 +78,39 @@ class Prediction:
     def payload_only(self) -> bool:
         """Whether the unknowns are the ten of the last link, not the base parameters."""
         return self.known.columns is not None and not self.known.left_out
+
+    def facts(self) -> dict[str, object]:
+        """The prediction as a JSON object."""
+
+        def numbers(values: Iterable[float] | None) -> list[float] | None:
+            return None if values is None else [float(value) for value in values]
+
+        known = self.known
+        return {
+            "torque_noise": numbers(known.noise),
+            "rate_hz": known.rate,
+            "earlier_logs_count": known.earlier is not None,
+            "unknowns": "payload" if self.payload_only else "base parameters",
+            **({"left_out": list(known.left_out)} if known.left_out else {}),
+            "criteria": [
+                {
+                    "samples": score.samples,
+                    "columns": score.columns,
+                    "friction": list(score.friction),
+                    "condition_number_of_unit_columns": score.condition,
+                    "relative_error": score.relative_error,
+                    "torque_error": score.torque_error,
+                    "half_axis": score.half_axis,
+                }
+                for score in self.scores
+            ],
+            "sigma": numbers(self.sigma),
+            "sigma_with_friction": numbers(self.sigma_with_friction),
+            "sigma_of_torque_per_joint": numbers(self.torque),
+            "sigma_of_payload_mass": self.payload_mass,
+            "sigma_of_payload_com": numbers(self.payload_com),
+            "notes": list(self.notes),
+        }
 
 
 def predict(

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from runtime.common.optional import optional
 from runtime.errors import RecordingError
-from runtime.excitation.trajectory_file import read_trajectory
+from runtime.excitation.motion.trajectory import read_trajectory
 from runtime.library import Array, Library
 from runtime.outputs.viewer.shapes import BASE, Look
 from runtime.recording import read_recording

@@ -20,12 +20,11 @@ from runtime.campaign.shortest_session import base_covariance, reached, target_o
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.safety import Obstacle, Safety
-from runtime.excitation.motion.trajectory import JoinedMotion
+from runtime.excitation.motion.trajectory import JoinedMotion, read_trajectory, write_motion
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.excitation.search.criteria import unseen_joints
 from runtime.excitation.search.design import Design, design
 from runtime.excitation.search.information import Information
-from runtime.excitation.trajectory_file import read_trajectory, write_motion
 from runtime.identification.saved_result import read_result
 from runtime.library import Library
 from runtime.recording import Recording

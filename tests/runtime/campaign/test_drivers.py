@@ -14,7 +14,7 @@ from runtime.campaign.guards import KeyGuard, LimitsGuard, model_error, usual_gu
 from runtime.errors import IdentificationError, SimulationError
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.safety import Safety
-from runtime.excitation.trajectory_file import read_trajectory
+from runtime.excitation.motion.trajectory import read_trajectory
 from runtime.library import Library
 
 MOTION = Path(__file__).parents[3] / "runtime" / "examples" / "fr3_trajectory.json"

@@ -12,7 +12,7 @@ from runtime.campaign.campaign import Plan, run_campaign
 from runtime.campaign.drivers.virtual import VirtualDriver
 from runtime.campaign.shortest_session import target_of
 from runtime.excitation import Trajectory
-from runtime.excitation.trajectory_file import write_motion
+from runtime.excitation.motion.trajectory import write_motion
 from runtime.library import Library, load
 
 PLAN = Plan("v=1mNm", duration=0.5, stages=(50.0, 100.0), most_seconds=1.5, rehearses=False)

@@ -11,9 +11,9 @@ import pytest
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.constraints import DEFAULT_ACCELERATION, DEFAULT_RANGE
 from runtime.excitation.limits.safety import Safety
+from runtime.excitation.motion.trajectory import read_trajectory
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.excitation.search.design import design
-from runtime.excitation.trajectory_file import read_trajectory
 from runtime.library import Library
 from tests.oracle import pinocchio_model
 from tests.runtime.conftest import Command

@@ -1,4 +1,4 @@
-"""trajectory_file: a trajectory survives the disk, and only its own robot takes it."""
+"""trajectory: a trajectory survives the disk, and only its own robot takes it."""
 
 import json
 from collections.abc import Callable
@@ -11,8 +11,8 @@ import pytest
 from runtime import load
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.excitation import Trajectory
-from runtime.excitation.search.design import Design
-from runtime.excitation.trajectory_file import read_trajectory, write_trajectory
+from runtime.excitation.motion.trajectory import read_trajectory
+from runtime.excitation.search.design import Design, write_trajectory
 from runtime.library import Library
 
 

@@ -14,10 +14,9 @@ from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.safety import Obstacle, Safety, read_obstacles
-from runtime.excitation.motion.trajectory import JoinedMotion, end_of, joined
+from runtime.excitation.motion.trajectory import JoinedMotion, end_of, joined, read_session
 from runtime.excitation.proof.certificate import certificate_of, certified
-from runtime.excitation.search.design import Design
-from runtime.excitation.trajectory_file import read_session, write_trajectory
+from runtime.excitation.search.design import Design, write_trajectory
 from runtime.excitation.way import way_back, way_to
 from runtime.library import Library, load
 from tests.oracle import pinocchio_model

@@ -11,7 +11,7 @@ from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.constraints import constraints
 from runtime.excitation.limits.safety import Safety
-from runtime.excitation.trajectory_file import write_motion
+from runtime.excitation.motion.trajectory import write_motion
 from runtime.library import Library
 from runtime.library.manifest import common_unit, file_units, listed_torques, torque_units
 from tests.runtime.conftest import Command

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from runtime.errors import IdentificationError
+from runtime.excitation.motion.trajectory import read_trajectory
 from runtime.excitation.search.design import design
 from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.information import information
 from runtime.excitation.search.prediction import without_unseen
-from runtime.excitation.trajectory_file import read_trajectory
 from runtime.library import Library
 from tests.runtime.conftest import Command
 

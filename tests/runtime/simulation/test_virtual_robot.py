@@ -12,7 +12,7 @@ import pytest
 from runtime import read_recording
 from runtime.errors import SimulationError
 from runtime.excitation import Trajectory
-from runtime.excitation.trajectory_file import write_motion
+from runtime.excitation.motion.trajectory import write_motion
 from runtime.library import Library
 from runtime.recording import Recording
 from runtime.recording.preprocessing import DOCUMENT, prepare

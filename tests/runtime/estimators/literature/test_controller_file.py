@@ -9,7 +9,7 @@ import pytest
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.literature.iv_didim import read_controller
 from runtime.excitation import Trajectory
-from runtime.excitation.trajectory_file import write_motion
+from runtime.excitation.motion.trajectory import write_motion
 from runtime.library import Library
 from runtime.simulation import Controller
 from runtime.simulation.closed_loop import write_controller

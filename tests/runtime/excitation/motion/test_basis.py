@@ -12,10 +12,9 @@ from runtime import to_pinocchio_order
 from runtime.errors import IdentificationError, RecordingError
 from runtime.excitation import Trajectory
 from runtime.excitation.motion.family import Basis, Spline
-from runtime.excitation.motion.trajectory import BASES, Cosine, Fourier, basis_of
+from runtime.excitation.motion.trajectory import BASES, Cosine, Fourier, basis_of, read_trajectory
 from runtime.excitation.proof.certificate import KINDS, certificate_of, joint_bounds
-from runtime.excitation.search.design import Design, design
-from runtime.excitation.trajectory_file import read_trajectory, write_trajectory
+from runtime.excitation.search.design import Design, design, write_trajectory
 from runtime.library import Library
 from tests.oracle import pinocchio_model
 from tests.taylor import assert_second_order, taylor_slope

@@ -11,11 +11,11 @@ from scipy import stats
 
 from runtime import load
 from runtime.excitation import Trajectory
+from runtime.excitation.motion.trajectory import read_trajectory
 from runtime.excitation.search.design import design_several, torque_sigma, with_motion
 from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.information import NoiseSpectrum, information
 from runtime.excitation.search.prediction import covariance_of
-from runtime.excitation.trajectory_file import read_trajectory
 from runtime.library import Library
 from tests.runtime.conftest import Command
 

@@ -17,7 +17,7 @@ from runtime.cli import app
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import METHODS
 from runtime.excitation import Trajectory
-from runtime.excitation.trajectory_file import write_motion
+from runtime.excitation.motion.trajectory import write_motion
 from runtime.identification.comparison.run import FAILED, NOT_RUN, RAN, compare
 from runtime.identification.metrics import torque_error
 from runtime.identification.problem_setup import assemble

@@ -10,8 +10,8 @@ import pytest
 
 from runtime import Recording, write_recording
 from runtime.excitation import Trajectory
+from runtime.excitation.motion.trajectory import write_motion
 from runtime.excitation.search.information import FRICTION
-from runtime.excitation.trajectory_file import write_motion
 from runtime.identification.expected_accuracy.expected import Knowledge, expected
 from runtime.identification.expected_accuracy.planned_samples import MotionSamples
 from runtime.library import Library

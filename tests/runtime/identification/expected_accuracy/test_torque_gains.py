@@ -8,8 +8,8 @@ import pytest
 
 from runtime import write_recording
 from runtime.excitation import Trajectory
+from runtime.excitation.motion.trajectory import write_motion
 from runtime.excitation.search.criteria import unseen_joints
-from runtime.excitation.trajectory_file import write_motion
 from runtime.identification.expected_accuracy.expected import Knowledge, gain_slopes, unseen_torque
 from runtime.identification.expected_accuracy.planned_samples import (
     MotionSamples,

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from runtime.errors import LibraryError, RecordingError
 from runtime.excitation import Trajectory
-from runtime.excitation.trajectory_file import write_motion
+from runtime.excitation.motion.trajectory import write_motion
 from runtime.library import Library
 from runtime.outputs.viewer.player import PlayedMotion, Player, Scene, bars, read_motion
 from runtime.outputs.viewer.shapes import BASE, WIDER, look_of

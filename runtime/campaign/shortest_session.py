@@ -36,11 +36,10 @@ from runtime.estimators.regression.posterior import orthonormal, posterior_of
 from runtime.estimators.uncertainty import Uncertainty
 from runtime.excitation.motion.trajectory import JoinedMotion, Trajectory
 from runtime.excitation.proof.certificate import pulled_inside
-from runtime.excitation.search.criteria import PAYLOAD, sizes, unseen_joints
+from runtime.excitation.search.criteria import PAYLOAD, covariance, sizes, unseen_joints
 from runtime.excitation.search.design import Design, design
 from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.information import Information, information
-from runtime.excitation.search.measures import covariance
 from runtime.excitation.search.prediction import covariance_of, payload_sigma
 from runtime.identification.expected_accuracy.planned_samples import with_earlier
 from runtime.identification.identified import Identification

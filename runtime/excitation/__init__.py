@@ -6,6 +6,6 @@ the generated adjoint; the limits are linear in a.
 """
 
 from runtime.excitation.motion.trajectory import Trajectory
-from runtime.excitation.search.measures import COST_SAMPLES, ConditionCost, log_condition
+from runtime.excitation.search.information import COST_SAMPLES, ConditionCost, log_condition
 
 __all__ = ["COST_SAMPLES", "ConditionCost", "Trajectory", "log_condition"]

@@ -11,6 +11,9 @@
 The descents of `mixed` have a smooth log cond (Schatten 16) in place of log cond, which compares
 their ends. The last descent, of the best one alone, has a sharper norm with more weight.
 
+Measures are functions of the Gram matrix G = WᵀW: of the eigenvalues of its columns at unit length,
+or of the covariance G⁻¹ of least squares.
+
 a, v and d depend on amplitudes, cond does not: one of its optima may hardly move a joint.
 
 A new criterion is a record here and a line in `CRITERIA`. Another package adds one by an entry
@@ -21,23 +24,19 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import lapack
 
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.constraints import LimitRows, Limits, whitening
 from runtime.excitation.limits.nonlinear_limits import dependent_joints
 from runtime.excitation.motion.trajectory import COSINE, Trajectory
-from runtime.excitation.search.information import Information
-from runtime.excitation.search.measures import (
+from runtime.excitation.search.information import (
+    Information,
     Measure,
-    d_optimal,
+    SpectralFunction,
     log_cond,
-    log_variance,
-    log_variances,
-    log_volume,
-    mean_gram,
     normalised,
-    schatten,
-    weighted,
+    of_unit_length,
 )
 from runtime.library import Array, Library
 from runtime.registry import Registry
@@ -47,6 +46,102 @@ UNSEEN_DURATION, UNSEEN_HARMONICS, UNSEEN_SAMPLES = 10.0, 5, 40
 """Of each motion: duration [s], cosines per joint, samples of its way out."""
 SMALLER = 0.97  # factor of a motion that breaks a limit of a dependent joint, as often as needed
 UNSEEN_SEED = 20  # the same motions for all designs of a robot
+
+
+def d_optimal(values: Array) -> tuple[float, Array]:
+    """−½ mean log λ: zero when all columns are orthogonal; smooth, and depends on every λ."""
+    return float(-np.log(values).mean() / 2), -0.5 / (len(values) * values)
+
+
+def schatten(power: float) -> SpectralFunction:
+    """(log Σ λ^p + log Σ λ^-p) / 2p: smooth, above log cond by at most log(n_b) / p."""
+
+    def criterion(values: Array) -> tuple[float, Array]:
+        log = np.log(values)
+        total = slope = 0.0
+        for sign in (1.0, -1.0):
+            exponent = sign * power * log
+            terms = np.exp(exponent - exponent.max())
+            total += exponent.max() + np.log(terms.sum())
+            slope = slope + sign * terms / terms.sum()
+        return float(total / (2 * power)), slope / (2 * values)
+
+    return criterion
+
+
+def covariance(gram: Array) -> Array | None:
+    """Inverse G⁻¹, or None where G does not have full rank to rounding."""
+    size = np.sqrt(np.diag(gram))
+    if not (size > 0).all():
+        return None
+    upper, info = lapack.dpotrf(gram / np.outer(size, size))
+    if info or not np.diag(upper).min() ** 2 > len(gram) * np.finfo(float).eps:
+        return None
+    inverse, _ = lapack.dpotri(upper)
+    return np.asarray((np.triu(inverse) + np.triu(inverse, 1).T) / np.outer(size, size))
+
+
+def log_variance(seen: Array) -> Measure:
+    """½ log tr(Q G⁻¹), the log of an RMS error of torque or parameters; ∞ without full rank."""
+    return log_variances((1.0, seen))
+
+
+def log_variances(*terms: tuple[float, Array]) -> Measure:
+    """Weighted sum of such logs, Σ weight · ½ log tr(Q G⁻¹), of one inverse."""
+
+    def measure(gram: Array) -> tuple[float, Array]:
+        inverse = covariance(gram)
+        if inverse is None:
+            return np.inf, np.zeros_like(gram)
+        value, slope = 0.0, np.zeros_like(gram)
+        for weight, seen in terms:
+            total = float(np.sum(seen * inverse))
+            value += weight * float(np.log(total) / 2)
+            slope = slope + weight * (-(inverse @ seen @ inverse) / total)
+        return value, slope
+
+    return measure
+
+
+def log_volume(gram: Array) -> tuple[float, Array]:
+    """−½ mean log of the eigenvalues of G: log of the mean half-axis of the error ellipsoid."""
+    inverse = covariance(gram)
+    if inverse is None:
+        return np.inf, np.zeros_like(gram)
+    return float(-np.linalg.slogdet(gram)[1] / (2 * len(gram))), -inverse / len(gram)
+
+
+def weighted(*terms: tuple[float, Measure]) -> Measure:
+    """Weighted sum of measures: Σ weight · measure."""
+
+    def measure(gram: Array) -> tuple[float, Array]:
+        value, slope = 0.0, np.zeros_like(gram)
+        for weight, term in terms:
+            one, one_slope = term(gram)
+            value, slope = value + weight * one, slope + weight * one_slope
+        return value, slope
+
+    return measure
+
+
+def mean_gram(rows: Array) -> Array:
+    """Mean over samples of Y_kᵀ Y_k, (m, m), for Y (N, n, m)."""
+    return np.einsum("tjk,tjl->kl", rows, rows, optimize=True) / len(rows)
+
+
+def rank(gram: Array) -> int:
+    """Number of independent columns, to rounding."""
+    values = np.linalg.eigvalsh(of_unit_length(gram)[0])
+    return int((values > len(gram) * np.finfo(float).eps * values[-1]).sum())
+
+
+def too_many(excited: int, wanted: int, size: int) -> str:
+    """Sentence about more unknowns than a motion excites."""
+    return (
+        f"the motion ({size} functions per joint) excites {excited} of {wanted} unknown columns; "
+        "raise the setting harmonics, widen the range of positions, or leave out unknowns "
+        "(friction, a payload that too few joints turn)"
+    )
 
 
 def unseen_motions(lib: Library, home: Array) -> list[Trajectory]:

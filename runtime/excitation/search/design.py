@@ -46,10 +46,15 @@ from runtime.excitation.limits.constraints import Limits, inside
 from runtime.excitation.limits.distance_limits import use_of
 from runtime.excitation.limits.safety import Safety, unchecked
 from runtime.excitation.motion.trajectory import Trajectory, write_motion
-from runtime.excitation.search.criteria import CRITERIA, unseen_joints
+from runtime.excitation.search.criteria import CRITERIA, covariance, unseen_joints
 from runtime.excitation.search.design_settings import DesignKeywords, DesignSettings, settings_from
-from runtime.excitation.search.information import Information, in_time, projected
-from runtime.excitation.search.measures import INFORMED_SAMPLES, ConditionCost, covariance
+from runtime.excitation.search.information import (
+    INFORMED_SAMPLES,
+    ConditionCost,
+    Information,
+    in_time,
+    projected,
+)
 from runtime.excitation.search.prediction import Prediction
 from runtime.excitation.search.single_start import TRIED, Search
 from runtime.excitation.search.workers import Task, descents

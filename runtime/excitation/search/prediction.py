@@ -23,10 +23,17 @@ from scipy.linalg import qr
 
 from runtime.errors import IdentificationError
 from runtime.excitation.motion.trajectory import Trajectory
-from runtime.excitation.search.criteria import PAYLOAD, sizes, unseen_joints
+from runtime.excitation.search.criteria import (
+    PAYLOAD,
+    covariance,
+    mean_gram,
+    rank,
+    sizes,
+    too_many,
+    unseen_joints,
+)
 from runtime.excitation.search.design_settings import MOST_HARMONICS, DesignSettings
-from runtime.excitation.search.information import FRICTION, Information, information
-from runtime.excitation.search.measures import COST_SAMPLES, covariance, mean_gram, rank, too_many
+from runtime.excitation.search.information import COST_SAMPLES, FRICTION, Information, information
 from runtime.excitation.search.single_start import Search
 from runtime.library import Array, Library
 from runtime.library.parameters import FIRST_MOMENT, MASS, N_PARAMETERS, PI_NAMES, mass

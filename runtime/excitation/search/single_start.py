@@ -27,9 +27,9 @@ from runtime.excitation.limits.constraints import (
     whitening,
 )
 from runtime.excitation.search.conic import LinearRows
-from runtime.excitation.search.criteria import criterion_of
+from runtime.excitation.search.criteria import criterion_of, rank, too_many
 from runtime.excitation.search.design_settings import DesignSettings
-from runtime.excitation.search.measures import ConditionCost, Measure, rank, too_many
+from runtime.excitation.search.information import ConditionCost, Measure
 from runtime.excitation.search.semidefinite_polish import polish
 from runtime.excitation.search.sqp import TOLERANCE, Objective, descend
 from runtime.library import Array, Indices, Library

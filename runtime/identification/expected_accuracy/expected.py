@@ -32,9 +32,8 @@ from runtime.estimators.problem import Fit
 from runtime.estimators.regression.factor import Reduced, Statistics, compress, reduce
 from runtime.estimators.regression.samples import Samples
 from runtime.estimators.uncertainty import vague_posterior
-from runtime.excitation.search.criteria import sizes
+from runtime.excitation.search.criteria import covariance, sizes
 from runtime.excitation.search.information import information
-from runtime.excitation.search.measures import covariance
 from runtime.excitation.search.prediction import payload_sigma
 from runtime.identification.expected_accuracy.planned_samples import MotionSamples, with_earlier
 from runtime.identification.free_base.result import FreeBaseIdentification

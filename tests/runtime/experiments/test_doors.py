@@ -11,7 +11,7 @@ USED_BY_EXPERIMENTS = {
     "runtime.estimators": ("descent.fit", "methods", "optimizers", "problem"),
     "runtime.estimators.literature": ("iv_didim",),
     "runtime.estimators.regression": ("factor", "samples"),
-    "runtime.excitation.search": ("design_settings", "finish", "single_start"),
+    "runtime.excitation.search": ("design", "design_settings", "single_start"),
     "runtime.identification": ("comparison.run", "metrics", "payload.estimate", "problem_setup"),
     "runtime.library": ("parameters",),
     "runtime.outputs.report": ("canvas", "page"),

@@ -10,16 +10,21 @@ import scipy.linalg
 from runtime.errors import IdentificationError, RecordingError
 from runtime.excitation import ConditionCost, Trajectory
 from runtime.excitation.motion.trajectory import basis_of
-from runtime.excitation.search.criteria import CRITERIA, unseen_torque
-from runtime.excitation.search.design import design
-from runtime.excitation.search.design_settings import DesignSettings
-from runtime.excitation.search.information import FRICTION, even_columns, information
-from runtime.excitation.search.measures import (
-    INFORMED_SAMPLES,
-    Measure,
+from runtime.excitation.search.criteria import (
+    CRITERIA,
     log_variance,
     log_volume,
+    unseen_torque,
     weighted,
+)
+from runtime.excitation.search.design import design
+from runtime.excitation.search.design_settings import DesignSettings
+from runtime.excitation.search.information import (
+    FRICTION,
+    INFORMED_SAMPLES,
+    Measure,
+    even_columns,
+    information,
 )
 from runtime.excitation.search.prediction import SAMPLES, covariance_of, predict
 from runtime.excitation.search.single_start import Search

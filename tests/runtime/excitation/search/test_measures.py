@@ -4,17 +4,14 @@ import numpy as np
 import pytest
 
 from runtime.excitation import ConditionCost, Trajectory, log_condition
-from runtime.excitation.search.measures import (
-    SpectralFunction,
+from runtime.excitation.search.criteria import (
     d_optimal,
-    log_cond,
     log_variance,
     log_variances,
-    normalised,
-    of_rows,
     schatten,
     weighted,
 )
+from runtime.excitation.search.information import SpectralFunction, log_cond, normalised, of_rows
 from runtime.library import Library
 from tests.taylor import assert_second_order, taylor_slope
 

@@ -9,8 +9,8 @@ import pytest
 from runtime import load
 from runtime.excitation import ConditionCost, Trajectory
 from runtime.excitation.motion.trajectory import basis_of
+from runtime.excitation.search.criteria import log_volume
 from runtime.excitation.search.information import ORDER, NoiseSpectrum, information, spectrum_of
-from runtime.excitation.search.measures import log_volume
 from runtime.excitation.search.prediction import covariance_of
 from runtime.library import Library
 from runtime.recording import Friction

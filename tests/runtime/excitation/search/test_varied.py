@@ -8,8 +8,7 @@ import pytest
 from runtime.excitation.search import single_start
 from runtime.excitation.search.criteria import RELATIVE, SHARE, sizes, unseen_torque
 from runtime.excitation.search.design_settings import DesignSettings
-from runtime.excitation.search.information import information
-from runtime.excitation.search.measures import ConditionCost
+from runtime.excitation.search.information import ConditionCost, information
 from runtime.excitation.search.single_start import FAR_NOISE, Search, varied_far
 from runtime.excitation.search.sqp import Descended
 from runtime.library import Array, Library

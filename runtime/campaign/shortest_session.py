@@ -118,8 +118,8 @@ def error_parts_of(
     if payload:
         root = posterior_of(a, is_wide=True).root
     else:  # with the URDF as prior
-        arm = prior_of(lib)
-        root = spread_of(arm.bodies, arm.centre, with_earlier(a, known.earlier, lib), CAD).root
+        counted, arm = with_earlier(a, known.earlier, lib), prior_of(lib)
+        root = spread_of(arm.bodies, arm.centre, counted, CAD).root
     gain = root @ (root.T @ a.T)
     errors = {name: gain @ part for name, part in zip(missed, rest, strict=True)}
     return ErrorParts({NOISE: root, **errors}, np.full(lib.n_joints, error.gain))

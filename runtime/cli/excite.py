@@ -15,19 +15,19 @@ from runtime.campaign.shortest_session import (
     target_of,
 )
 from runtime.cli.common import open_robot
-from runtime.cli.excite_settings import POSES, ExciteSettings
+from runtime.cli.excite_settings import (
+    POSES,
+    ExciteSettings,
+    planned_noise,
+    require_gain_error,
+    torque_sentence,
+)
 from runtime.cli.motion_output import (
     SAMPLED,
     SessionPlan,
     certified_stages,
     json_path,
     session_plan,
-)
-from runtime.cli.planned_log import (
-    planned_noise,
-    require_gain_error,
-    torque_sentence,
-    unit_payload_sentence,
 )
 from runtime.common.files import replacing, require_unused
 from runtime.common.settings import settings_place
@@ -48,7 +48,12 @@ from runtime.excitation.search.design import (
 )
 from runtime.excitation.search.design_settings import DesignSettings
 from runtime.excitation.search.information import FRICTION, Information
-from runtime.excitation.search.prediction import Prediction, predict, without_unseen
+from runtime.excitation.search.prediction import (
+    Prediction,
+    predict,
+    unit_payload_sentence,
+    without_unseen,
+)
 from runtime.excitation.search.single_start import TRIED
 from runtime.excitation.static_poses import RANDOM_SETS, design_poses, pose_json, pose_table
 from runtime.library import Library

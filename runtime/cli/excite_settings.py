@@ -1,30 +1,93 @@
-"""Settings of `symgen excite`."""
+"""Settings of `symgen excite`, and noise of a log that is not yet recorded.
 
+The noise of --noise is given as numbers, or as a log whose residuals are its noise:
+
+    σ_j = RMS of the residuals of joint j,    T = (N / N_eff) / f
+
+They contain the model error, friction beyond the columns, gains and delays, and are autocorrelated,
+so that only one row per T counts as independent. Numbers are independent noise alone.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+import typer
 
 from runtime.campaign.shortest_session import target_of
-from runtime.cli import planned_log
 from runtime.cli.common import numbers_option, sentences_of
 from runtime.cli.motion_limits import LimitChoices
 from runtime.cli.motion_output import EXPORT_MARGIN, MotionChoices
-from runtime.common.settings import data_field, method_field, model_field, output_field
+from runtime.common.settings import (
+    data_field,
+    data_option,
+    method_field,
+    model_field,
+    model_option,
+    output_field,
+)
 from runtime.common.terminal import completing
+from runtime.common.texts import numbers_of
 from runtime.common.threads import cores
 from runtime.errors import IdentificationError, RuntimeFault
 from runtime.excitation.limits.safety import Safety
 from runtime.excitation.motion.trajectory import BASES, basis_of
 from runtime.excitation.search.criteria import CRITERIA, criterion_of
 from runtime.excitation.search.design_settings import DesignSettings
-from runtime.excitation.search.information import FRICTION, Information, NoiseSpectrum, information
-from runtime.identification.expected_accuracy.planned_samples import information_of_logs
-from runtime.library import Library
-from runtime.recording import read_recording
+from runtime.excitation.search.information import (
+    FRICTION,
+    Information,
+    NoiseSpectrum,
+    information,
+    spectrum_of,
+)
+from runtime.identification.expected_accuracy.planned_samples import (
+    information_of_logs,
+    motion_samples_of,
+    noise_of,
+)
+from runtime.identification.prepared_log import prepared_log
+from runtime.identification.settings import NO_FRICTION, Settings
+from runtime.library import Array, Library
+from runtime.library.manifest import listed_torques
+from runtime.recording import Friction, read_recording
 from runtime.recording.settings import COLUMNS
 
+NOISE_HELP = (
+    "Torque noise: its standard deviation in N·m or N, one number or one per joint with commas, "
+    "without model error; or a log of this robot, whose residuals contain friction beyond the "
+    "columns, gains and delays, with their autocorrelation"
+)
+WHITE, COLOURED = "white", "coloured"
+NoiseModel = Annotated[
+    str,
+    model_option(
+        metavar="white|coloured",
+        help="Spectrum of the noise of --noise LOG in the criteria: white counts autocorrelated "
+        "rows as fewer; coloured weights every frequency of a motion by the noise of the log, "
+        "which contains what friction columns, gains and delays leave.",
+    ),
+]
+Cutoff = Annotated[
+    float | None,
+    typer.Option(
+        metavar="HZ",
+        help="Cut-off of the low-pass that the log of the motion will pass: what the motion has "
+        "beyond it does not count in the criteria.",
+    ),
+]
+EarlierLogs = Annotated[
+    list[str] | None,
+    data_option(
+        metavar="LOG", help="A log that is recorded already; its information is added. Repeatable."
+    ),
+]
+PayloadOnly = Annotated[
+    bool,
+    typer.Option(help="Only the ten parameters of the last link are unknown; the arm is known."),
+]
 HARMONICS = 8
 """Default number of harmonics: logs of virtual arms give smaller errors than with 5, and the same
 as with 10 (`scripts/bench_excitation --designs`)."""
@@ -57,6 +120,90 @@ OF_ONE_MOTION = ("document", "static", "until", "export", "from_pose", "returns"
 OF_TARGET = (  # choices that --until makes
     *("duration", "criterion", "document", "static", "payload_only", "noise_model", "cutoff"),
 )
+
+
+@dataclass(frozen=True, slots=True)
+class TorqueNoise:
+    """Noise of the torque of a planned motion."""
+
+    sigma: Array  # (n,) N·m or N
+    spacing: float = 0.0  # time between independent rows, s; 0 where all rows are independent
+    log: str | None = None  # name of the log that it is from; None for numbers
+    spectrum: NoiseSpectrum | None = None  # of a log's noise, for noise_model=coloured
+
+    def rows_per_independent(self, rate: float) -> float:
+        """Rows that count as one independent row."""
+        return max(1.0, rate * self.spacing)
+
+    def sentence(self) -> str:
+        """Sentence on what σ does not contain; empty for the noise of a log."""
+        if self.log is not None:
+            return ""
+        return (
+            "note: σ counts independent torque noise alone; friction beyond the columns, gains and "
+            "delays make real errors larger. --noise LOG, a log of this robot, counts its residuals"
+        )
+
+
+def planned_noise(
+    lib: Library, text: str, friction: tuple[str, ...] | None = None, model: str = WHITE
+) -> TorqueNoise:
+    """Noise from the value of --noise."""
+    if model not in (WHITE, COLOURED):
+        raise IdentificationError(
+            f"expected --settings noise_model={WHITE} or {COLOURED}, got '{model:.40}'; correct it"
+        )
+    if numbers := numbers_of(text):
+        if model == COLOURED:
+            raise IdentificationError(
+                f"--settings noise_model={COLOURED} takes the spectrum from a log; give --noise LOG"
+            )
+        count = lib.n_joints if len(numbers) > 1 else 1
+        sigma = np.array(numbers_option(text, count, "--noise"))
+        return TorqueNoise(information(lib, np.broadcast_to(sigma, lib.n_joints)).noise)
+    names = FRICTION if friction is None else friction
+    log = read_recording(text, joints=lib.joint_names)
+    data = prepared_log(log, lib, Settings(friction=names or NO_FRICTION))
+    moved = motion_samples_of(data.recording, lib, data.preparation, Friction(names))
+    noise = noise_of(lib, moved)
+    if noise is None:
+        raise IdentificationError(
+            f"--noise needs a log with measured torque and more rows than unknowns, got '{text}'; "
+            "give another log, or the standard deviation in N·m or N"
+        )
+    if model == WHITE:
+        return TorqueNoise(noise.sigma, noise.inflation / moved.rate, moved.name)
+    steps = data.preparation or data.recording.preparation
+    spectrum = spectrum_of(noise.rest, moved.rate, steps.cutoff_hz)
+    return TorqueNoise(noise.sigma, noise.repeated / moved.rate, moved.name, spectrum)
+
+
+def friction_columns(text: str) -> tuple[str, ...]:
+    """Friction columns from --friction."""
+    words = tuple(text.split(","))
+    if any(word.replace(".", "", 1).strip("+- ").isdecimal() for word in words):
+        raise IdentificationError(
+            f"--friction needs names of columns with commas, or none, got '{text}'; the setting "
+            "viscous and the setting coulomb of excite take numbers"
+        )
+    return () if text == "none" else words
+
+
+def require_gain_error(gain_error: float) -> None:
+    """Check a value of the setting gain_error."""
+    if not 0 <= gain_error < 1:
+        raise RuntimeFault(
+            f"the setting gain_error is a share of one, such as 0.005, got {gain_error:g}"
+        )
+
+
+def torque_sentence(bands: Array, units: Sequence[str], gain_error: float = 0.0) -> str:
+    """Sentence on the σ of predicted torque for motions that are not in the log."""
+    sigmas = listed_torques(1000 * bands, units, ".2f", "m")
+    if gain_error:
+        off = f"{100 * gain_error:g} % off (the setting gain_error), which residuals hardly show"
+        return f"with torque gains that may be {off}: {sigmas}"
+    return f"expected σ of the predicted torque, joint by joint: {sigmas}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,9 +259,9 @@ class ExciteSettings(MotionChoices):
         help=f"Functions of the motion. {sentences_of(BASES)}.",
     )
     zero_jerk: bool = method_field(False, help="Begin and end with zero jerk too.")
-    noise: str = model_field("0.05", metavar="σ|LOG", help=f"{planned_log.NOISE_HELP}.")
-    noise_model: planned_log.NoiseModel = planned_log.WHITE
-    cutoff: planned_log.Cutoff = None
+    noise: str = model_field("0.05", metavar="σ|LOG", help=f"{NOISE_HELP}.")
+    noise_model: NoiseModel = WHITE
+    cutoff: Cutoff = None
     log_rate: float = data_field(100.0, help="Rate at which the robot will record the motion, Hz.")
     friction: str | None = model_field(
         metavar="COLUMNS",
@@ -123,8 +270,8 @@ class ExciteSettings(MotionChoices):
         f"{','.join(FRICTION)}, with --settings payload_only=true offset. All criteria but the "
         "document's cond count them.",
     )
-    earlier_log: planned_log.EarlierLogs = None
-    payload_only: planned_log.PayloadOnly = False
+    earlier_log: EarlierLogs = None
+    payload_only: PayloadOnly = False
     home: str | None = model_field(
         metavar="Q",
         help="Start and end position, one number per joint with commas, rad or m; default the "
@@ -188,6 +335,9 @@ class ExciteSettings(MotionChoices):
         alone = self.payload_only or self.aim == "payload"
         usual = "cond" if self.document else "a" if alone and self.aim else self.aim or "mixed"
         wanted = self.criterion or usual
+        home = None
+        if self.home is not None:
+            home = np.array(numbers_option(self.home, lib.n_joints, "the setting home"))
         planned, note = self.planned(lib, alone)
         is_informed = criterion_of(wanted).needs_information or bool(self.earlier_log) or alone
         if planned.spectrum is not None and not is_informed:
@@ -195,9 +345,6 @@ class ExciteSettings(MotionChoices):
                 f"criterion {wanted} counts neither noise nor filter; leave out the settings "
                 "cutoff and noise_model, or give another --criterion such as v"
             )
-        home = None
-        if self.home is not None:
-            home = np.array(numbers_option(self.home, lib.n_joints, "the setting home"))
         settings = DesignSettings(
             duration=self.duration,
             harmonics=self.functions,
@@ -216,8 +363,8 @@ class ExciteSettings(MotionChoices):
         """Noise, rate, earlier logs and unknowns of the log of the motion, and a note on them."""
         rate = self.log_rate
         information(lib, rate=rate)  # raises where the rate is out of range
-        columns = None if self.friction is None else planned_log.friction_columns(self.friction)
-        torque = planned_log.planned_noise(lib, self.noise, columns, self.noise_model)
+        columns = None if self.friction is None else friction_columns(self.friction)
+        torque = planned_noise(lib, self.noise, columns, self.noise_model)
         sigma, independent = torque.sigma, rate / torque.rows_per_independent(rate)
         planned = information(lib, sigma, independent, payload=alone, friction=columns)
         if torque.spectrum is not None or self.cutoff is not None:

@@ -280,7 +280,8 @@ def session_plan(
             )
         return SessionPlan()
     there = lib.home if start is None else start
-    way = way_to(lib, pose_of(lib, given.from_pose), there, safety, share, zero_jerk, given.seed)
+    here = pose_of(lib, given.from_pose)
+    way = way_to(lib, here, there, safety, share, zero_jerk, given.seed)
     if not given.returns or way.trajectory is None:
         return SessionPlan(way)
     return SessionPlan(way, way_back(lib, way.trajectory, safety, share))

@@ -6,8 +6,17 @@ from pathlib import Path
 import numpy as np
 
 from runtime.campaign.shortest_session import ModelError
-from runtime.cli import planned_log
 from runtime.cli.common import counting, open_robot, state
+from runtime.cli.excite_settings import (
+    NOISE_HELP,
+    EarlierLogs,
+    PayloadOnly,
+    TorqueNoise,
+    friction_columns,
+    planned_noise,
+    require_gain_error,
+    torque_sentence,
+)
 from runtime.cli.log_options import Cutoff, LogChoices, Rate, bundled_logs, shown_progress
 from runtime.common import settings
 from runtime.common.files import json_text, require_unused
@@ -48,7 +57,7 @@ class PredictSettings(LogChoices):
     )
     noise: str | None = settings.model_field(
         metavar="σ|LOG",
-        help=f"{planned_log.NOISE_HELP}; default from the residuals of MOTION where it is a log "
+        help=f"{NOISE_HELP}; default from the residuals of MOTION where it is a log "
         f"with torque, else {NOISE:g}.",
     )
     log_rate: float | None = settings.data_field(
@@ -61,8 +70,8 @@ class PredictSettings(LogChoices):
         help="Friction columns that are estimated too, with commas, or none; default from the "
         f"recipe, else {','.join(FRICTION)}.",
     )
-    payload_only: planned_log.PayloadOnly = False
-    earlier_log: planned_log.EarlierLogs = None
+    payload_only: PayloadOnly = False
+    earlier_log: EarlierLogs = None
     gain_error: float | None = settings.model_field(
         metavar="SHARE",
         help="Standard deviation of the torque gain of every joint, relative to one, for the "
@@ -198,8 +207,8 @@ def _predict_walk(lib: Library, given: PredictSettings) -> None:
         f"{log.name}: {result.evidence.seconds:.3g} s are fitted, friction columns: "
         f"{', '.join(columns) or 'none'}; σ contain offsets of the contact sensors"
     )
-    show(planned_log.base_table(now, lib))
-    show(planned_log.link_table(now, lib))
+    show(accuracy.base_table(now, lib))
+    show(accuracy.link_table(now, lib))
     say(f"total mass to ±{1000 * total:.1f} g")
     _show_steps(steps)
 
@@ -216,7 +225,7 @@ class Situation:
     noise: Array  # σ of the torque, (n,) N·m
     unit: float  # samples per independent sample, at least 1
     from_residuals: bool  # whether `noise` is from the residuals of the motion itself
-    planned: planned_log.TorqueNoise  # noise that was given, or that of a planned motion
+    planned: TorqueNoise  # noise that was given, or that of a planned motion
     known: accuracy.Knowledge  # prior and earlier logs
     gain_error: float  # σ of the torque gain of every joint, relative to one
 
@@ -283,14 +292,14 @@ class Situation:
         lib, alone = self.lib, self.known.payload_only
         say(self.sentence())
         if not alone:
-            show(planned_log.base_table(now, lib))
-            show(planned_log.link_table(now, lib))
+            show(accuracy.base_table(now, lib))
+            show(accuracy.link_table(now, lib))
             torque, whole = self._unseen(now)
             units = torque_units(lib.manifest)
-            say(planned_log.torque_sentence(torque, units))
+            say(torque_sentence(torque, units))
             if self.gain_error:
-                say(planned_log.torque_sentence(whole, units, self.gain_error))
-        say(planned_log.payload_sentence(now, alone))
+                say(torque_sentence(whole, units, self.gain_error))
+        say(accuracy.payload_sentence(now, alone))
         if not self.from_residuals and self.planned.sentence():
             say(self.planned.sentence())
 
@@ -318,9 +327,9 @@ def situation_of(
     lib: Library, moved: MotionSamples, given: PredictSettings, gain_error: float
 ) -> Situation:
     """Situation of the options; the noise is by default that of the log's residuals."""
-    planned = planned_log.TorqueNoise(np.full(lib.n_joints, NOISE))
+    planned = TorqueNoise(np.full(lib.n_joints, NOISE))
     if given.noise is not None:
-        planned = planned_log.planned_noise(lib, given.noise, moved.columns)
+        planned = planned_noise(lib, given.noise, moved.columns)
     sigma, unit = planned.sigma, planned.rows_per_independent(moved.rate)
     known = replace(accuracy.Knowledge.of(lib), payload_only=given.payload_only)
     residual = planned_samples.noise_of(lib, moved)
@@ -346,7 +355,7 @@ def facts_of_steps(steps: tuple[accuracy.GainOfRecording, ...]) -> dict[str, obj
 
 def _show_steps(steps: tuple[accuracy.GainOfRecording, ...]) -> None:
     if steps:
-        show(planned_log.gain_table(steps))
+        show(accuracy.gain_table(steps))
         say(accuracy.verdict(steps))
 
 
@@ -358,7 +367,7 @@ def _gain_error(given: PredictSettings) -> float:
             "the setting gain_error changes the σ of predicted torque, which --settings "
             "payload_only=true does not print; leave out one of them"
         )
-    planned_log.require_gain_error(given.gain_error)
+    require_gain_error(given.gain_error)
     return given.gain_error
 
 
@@ -374,7 +383,7 @@ def _moved(given: PredictSettings, lib: Library, terms: Friction | None = None) 
                 f"log_rate={rate:g}; lower it: σ falls with the root of the rate"
             )
         recording = planned_samples.planned_recording(motion, t, lib, Path(source).stem)
-        names = FRICTION if given.friction is None else planned_log.friction_columns(given.friction)
+        names = FRICTION if given.friction is None else friction_columns(given.friction)
         return planned_samples.motion_samples_of(recording, lib, None, terms or Friction(names))
     friction = None if terms else given.friction
     wanted = Settings(friction=friction, cutoff=given.cutoff, rate=given.rate)

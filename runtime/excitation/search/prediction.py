@@ -215,6 +215,15 @@ def payload_sigma(error: Array) -> tuple[float, Array]:
     return float(np.sqrt(error[MASS, MASS])), np.sqrt(np.diag(slope @ error @ slope.T))
 
 
+def unit_payload_sentence(mass: float, com: Array) -> str:
+    """Sentence on the accuracy of a payload of 1 kg."""
+    position = " ".join(f"{1000 * value:.2f}" for value in com)
+    return (
+        f"a payload of 1 kg on a known arm: mass to ±{1000 * mass:.2f} g, "
+        f"centre of mass to ±({position}) mm"
+    )
+
+
 SHOWN = 1e-5
 """Least part of a column of unit length that no other column produces. The search works on Gram
 matrices, which resolve 1e-7 (their rounding is the square of it); a torque error of 1e-4 of the

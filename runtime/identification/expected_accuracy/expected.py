@@ -27,14 +27,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
+from runtime.common.tables import Table
 from runtime.estimators.convex.entropic_prior import CAD, Prior, com_sigma, prior_of, spread_of
 from runtime.estimators.problem import Fit
 from runtime.estimators.regression.factor import Reduced, Statistics, compress, reduce
+from runtime.estimators.regression.posterior import DETERMINED
 from runtime.estimators.regression.samples import Samples
 from runtime.estimators.uncertainty import vague_posterior
 from runtime.excitation.search.criteria import covariance, sizes
 from runtime.excitation.search.information import information
-from runtime.excitation.search.prediction import payload_sigma
+from runtime.excitation.search.prediction import payload_sigma, unit_payload_sentence
 from runtime.identification.expected_accuracy.planned_samples import MotionSamples, with_earlier
 from runtime.identification.free_base.result import FreeBaseIdentification
 from runtime.library import Array, Library
@@ -208,6 +210,55 @@ def facts(sigma: Expected, lib: Library, payload_only: bool = False) -> dict[str
     }
 
 
+def payload_sentence(sigma: Expected, alone: bool) -> str:
+    """Sentence on the expected accuracy of a payload."""
+    if sigma.payload is None:
+        return "note: a payload on the last link is not identifiable: too few joints turn it"
+    sentence = (
+        f"{unit_payload_sentence(float(mass(sigma.payload.pi)), sigma.payload.com)}, against "
+        "an empty run of the same motion; without one, an arm whose links are "
+        f"{100 * ARM_ERROR:g} % off its model adds "
+        f"±{1000 * mass(sigma.payload.of_arm):.3g} g to the mass"
+    )
+    if not alone:
+        return sentence
+    sigmas = " ".join(f"{value:.2g}" for value in inertia(sigma.payload.pi))
+    return f"{sentence}, inertia xx yy zz xy xz yz about the link's origin to ±({sigmas}) kg·m²"
+
+
+def base_table(sigma: Expected, lib: Library) -> Table:
+    """Expected σ of every base parameter, the largest relative to its value first."""
+    names, base = base_names(lib), sigma.base
+    rows = tuple(
+        (
+            names[k].removeprefix("base "),
+            "not identifiable" if base is None else f"{base[k]:.3g}",
+            f"{sigma.base_map[k]:.3g}",
+            f"{100 * sigma.relative[k]:.2f}",
+        )
+        for k in np.argsort(-sigma.relative)
+    )
+    title = "base parameters: expected σ, the largest relative σ first"
+    return Table(("around", "least squares", "MAP", "MAP % of value"), rows, title=title)
+
+
+def link_table(sigma: Expected, lib: Library) -> Table:
+    """Expected σ of mass, centre of mass and inertia of every link by MAP."""
+    bodies = zip(lib.link_names, links(sigma.pi), sigma.com, links(sigma.share), strict=True)
+    rows = tuple(
+        (
+            name,
+            f"{1000 * mass(pi):.2f}",
+            " ".join(f"{1000 * value:.2f}" for value in com),
+            f"{inertia(pi).max():.2g}",
+            f"{np.sum(share < DETERMINED)} of {N_PARAMETERS}",
+        )
+        for name, pi, com, share in bodies
+    )
+    head = ("link", "mass g", "CoM mm", "inertia kg·m²", "from the data")
+    return Table(head, rows, title="links: expected σ with the URDF as prior")
+
+
 def gain_slopes(
     lib: Library, moved: MotionSamples, sigma: Array, known: Knowledge, unit: float = 1.0
 ) -> Array:
@@ -283,6 +334,20 @@ def verdict(gains: Sequence[GainOfRecording]) -> str:
     in_time = sorted(gains, key=lambda gain: gain.seconds)
     best = next((gain for gain in in_time if gain.gaining), in_time[-1])
     return f"{best.sentence}: {'go on' if best.gaining else 'stop'}"
+
+
+def gain_table(steps: Sequence[GainOfRecording]) -> Table:
+    """Improvement of σ by more recording: payload, largest, and count of those above 10 %."""
+    names = sorted(name for name in steps[0].gains if name.startswith("payload"))
+    rows = []
+    for step in steps:
+        top, gain = next(iter(step.gains.items()))
+        cells = (f"{100 * x:.1f}" for x in (*(step.gains[name] for name in names), gain))
+        rows.append(
+            (f"{step.seconds:g} s", *cells, f"{len(step.gaining)} of {len(step.gains)}", top)
+        )
+    head = ("more", *names, "largest", "above 10 %", "largest gain of")
+    return Table(head, tuple(rows), title=f"expected gain of σ by more of {steps[0].motion}, %")
 
 
 def _percent(gain: float) -> str:

@@ -107,6 +107,12 @@ def profile_of(certified: CertifiedMotion, samples: int = SAMPLES) -> MotionProf
     lib, trajectory, safety = certified.lib, certified.trajectory, certified.safety
     t = np.linspace(0.0, trajectory.duration, samples)
     motion = np.array(trajectory.at(lib, t))
+    limits = lib.limits()
+    bands = {
+        "position": Band(limits["lower"], limits["upper"]),
+        **{kind: Band(-limits[kind], limits[kind]) for kind in KINDS[1:]},
+    }
+    envelopes = tuple(_envelopes(lib, bands))
     gaps: list[Gap] = []
     free = np.full(lib.n_joints, np.inf)
     torque_band = Band(-free, free)
@@ -119,12 +125,7 @@ def profile_of(certified: CertifiedMotion, samples: int = SAMPLES) -> MotionProf
             rows = zip(constraint.labels, constraint.distances(motion).T, margins, strict=True)
             gaps += [Gap(constraint.kind, label, row, float(least)) for label, row, least in rows]
     values = dict(zip(KINDS, motion, strict=True)) | {"torque": tau}
-    limits = lib.limits()
-    bands = {
-        "position": Band(limits["lower"], limits["upper"]),
-        **{kind: Band(-limits[kind], limits[kind]) for kind in KINDS[1:]},
-        "torque": torque_band,
-    }
+    bands["torque"] = torque_band
     return MotionProfile(
         robot=lib.name,
         joints=lib.joint_names,
@@ -137,7 +138,7 @@ def profile_of(certified: CertifiedMotion, samples: int = SAMPLES) -> MotionProf
         table=safety.table if safety else None,
         box=safety.box if safety else None,
         gaps=tuple(gaps),
-        envelopes=tuple(_envelopes(lib, bands)),
+        envelopes=envelopes,
         has_friction=safety is not None and bool(safety.viscous or safety.coulomb),
         certificate=certified.certificate,
     )

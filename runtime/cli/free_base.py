@@ -7,7 +7,7 @@ import numpy as np
 
 from runtime.common.tables import Table
 from runtime.common.terminal import VERBOSE, show
-from runtime.estimators.friction_bounds import OF
+from runtime.estimators.problem import OF
 from runtime.estimators.uncertainty import PRIOR_DOMINATED
 from runtime.identification.free_base.drives import rms
 from runtime.identification.free_base.result import FreeBaseIdentification

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from runtime.errors import IdentificationError, NeedsError
-from runtime.estimators.friction_bounds import ERROR_OF
-from runtime.estimators.problem import Fit, Learned, Origin, Problem
+from runtime.estimators.problem import ERROR_OF, Fit, Learned, Origin, Problem
 from runtime.library import Library
 from runtime.recording.settings import COLUMNS
 from runtime.registry import Registry

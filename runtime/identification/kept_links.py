@@ -15,8 +15,16 @@ import numpy as np
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError, NotRealisableError
-from runtime.estimators.friction_bounds import Bounds, bounds_of, notes_of, within_bounds
-from runtime.estimators.problem import Fit, FrictionPrior, Problem, best_friction
+from runtime.estimators.problem import (
+    Bounds,
+    Fit,
+    FrictionPrior,
+    Problem,
+    best_friction,
+    bounds_of,
+    notes_of,
+    within_bounds,
+)
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.estimators.regression.factor import Statistics
 from runtime.estimators.regression.posterior import posterior_of

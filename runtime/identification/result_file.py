@@ -13,8 +13,8 @@ from runtime.common.tables import significant
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.pc_ols import BOUNDARY
 from runtime.estimators.contradictions import FOLLOWS
-from runtime.estimators.friction_bounds import NEGATIVE, NEGATIVE_CAUSE, negative_share
 from runtime.estimators.methods import METHODS
+from runtime.estimators.problem import NEGATIVE, NEGATIVE_CAUSE, negative_share
 from runtime.estimators.regression.causes import GAIN
 from runtime.estimators.regression.factor import compress
 from runtime.estimators.regression.samples import NORMAL_95, samples_of

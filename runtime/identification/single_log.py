@@ -34,10 +34,9 @@ import numpy as np
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError, RuntimeFault
 from runtime.estimators.classical.pc_ols import convex_optimum
-from runtime.estimators.friction_bounds import bounds_of
 from runtime.estimators.methods import fit_by
 from runtime.estimators.optimizers import Status
-from runtime.estimators.problem import Fit, Problem, best_friction
+from runtime.estimators.problem import Fit, Problem, best_friction, bounds_of
 from runtime.estimators.regression.recorded_delay import delay_of_log, stated_delay
 from runtime.estimators.regression.samples import Samples, residuals, samples_of
 from runtime.estimators.robust import robust_problem

@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.estimators.friction_bounds import bounds_of, notes_of, within_bounds
 from runtime.estimators.methods import Method
-from runtime.estimators.problem import Fit, Problem
+from runtime.estimators.problem import Fit, Problem, bounds_of, notes_of, within_bounds
 from runtime.estimators.regression.factor import Statistics, compress_all
 from runtime.estimators.regression.posterior import posterior_of
 from runtime.estimators.regression.samples import Samples, names_of_equations

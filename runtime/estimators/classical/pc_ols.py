@@ -27,9 +27,8 @@ from runtime.errors import IdentificationError
 from runtime.estimators.classical.least_squares import counted_in_links
 from runtime.estimators.convex.entropic_prior import Prior, bodies_of, prior_of
 from runtime.estimators.convex.newton import DECREMENT, ConvexProblem, solved_cone, svec, task_of
-from runtime.estimators.friction_bounds import Bounds, bounds_of, notes_of, within_bounds
 from runtime.estimators.methods import Method
-from runtime.estimators.problem import Fit, Problem
+from runtime.estimators.problem import Bounds, Fit, Problem, bounds_of, notes_of, within_bounds
 from runtime.estimators.regression.factor import Reduced, Statistics, reduce
 from runtime.library import Array, Library
 from runtime.library.compiled_descent import CompiledConvex

@@ -20,10 +20,9 @@ from runtime.estimators.convex.newton import (
     convex_problem,
     solve,
 )
-from runtime.estimators.friction_bounds import Held, bounds_of, notes_of, within_bounds
 from runtime.estimators.methods import Method
 from runtime.estimators.prior_file import PriorFile
-from runtime.estimators.problem import Fit, Problem
+from runtime.estimators.problem import Fit, Held, Problem, bounds_of, notes_of, within_bounds
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of
 from runtime.estimators.regression.factor import Statistics, compress, reduce
 from runtime.estimators.regression.samples import inflation, noise, residuals, weights_from

@@ -10,10 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime.common.threads import one_blas_thread
-from runtime.estimators.friction_bounds import ERROR_OF
 from runtime.estimators.methods import fit_by
 from runtime.estimators.optimizers import Status
-from runtime.estimators.problem import Fit, FrictionPrior, NoiseFloor, Problem
+from runtime.estimators.problem import ERROR_OF, Fit, FrictionPrior, NoiseFloor, Problem
 from runtime.estimators.regression.samples import Samples, residuals
 from runtime.estimators.robust import robust_problem
 from runtime.estimators.uncertainty import visible_noise

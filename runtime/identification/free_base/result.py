@@ -12,7 +12,7 @@ import numpy as np
 from runtime.estimators import uncertainty as spreads
 from runtime.estimators.classical.pc_ols import BOUNDARY
 from runtime.estimators.convex.entropic_prior import Prior, com_sigma, prior_about
-from runtime.estimators.friction_bounds import OF
+from runtime.estimators.problem import OF
 from runtime.estimators.regression.factor import Elimination, Reduced, Statistics, reduce
 from runtime.estimators.regression.samples import NORMAL_95, residuals
 from runtime.identification import result_record as schema

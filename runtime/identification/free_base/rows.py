@@ -39,7 +39,7 @@ from scipy.linalg import null_space
 from scipy.spatial.transform import Rotation
 
 from runtime.errors import IdentificationError
-from runtime.estimators.friction_bounds import OF
+from runtime.estimators.problem import OF
 from runtime.estimators.regression.samples import Samples, names_of_equations
 from runtime.library import Array, Library, Mask
 from runtime.library.free_base import FREEDOM

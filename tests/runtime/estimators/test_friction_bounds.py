@@ -9,7 +9,7 @@ from scipy.optimize import lsq_linear
 from runtime import Recording
 from runtime.estimators.choice.friction_choice import choose_friction
 from runtime.estimators.classical.least_squares import solve
-from runtime.estimators.friction_bounds import MOST, Bounds, Held, notes_of, within_bounds
+from runtime.estimators.problem import MOST, Bounds, Held, notes_of, within_bounds
 from runtime.estimators.regression.factor import Statistics
 from runtime.identification.identified import Identification, torque_errors
 from runtime.identification.result_file import warnings_of

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from runtime.common.tables import Table
 from runtime.estimators.optimizers import Trace
-from runtime.estimators.problem import Learned
+from runtime.estimators.problem import Fit, Learned
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.estimators.uncertainty import Uncertainty
 from runtime.identification import metrics
@@ -35,14 +35,6 @@ class WholeLog:
     samples: dict[str, int]  # prepared rows of every part, by its name
     spans: dict[str, tuple[float, float]]  # first and last instant of every part [s], by its name
     errors: tuple[metrics.TorqueError, ...]  # those of `torque_errors` on the whole test part
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TrainedModel:
-    """A fit to the training part, where the result is a fit to all rows."""
-
-    pi: Array  # standard parameters π, (10 n,) [kg, kg·m ×3, kg·m² ×6 per link]
-    phi: Array  # friction coefficients, (n, k)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,7 +106,7 @@ class Identification(Framed):
     log_names: tuple[str, ...] = ()
     streamed: WholeLog | None = None
     urdf_phi: Array | None = None
-    trained: TrainedModel | None = None
+    trained: Fit | None = None
     drive: DriveFit | None = None
     is_joined: bool = False
     symmetric: tuple[MirroredPair, ...] = ()

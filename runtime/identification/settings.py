@@ -18,6 +18,7 @@ from runtime.estimators.descent.fit import Preset
 from runtime.estimators.methods import METHODS, Method, chosen_method
 from runtime.estimators.prior_file import KnownFriction, PriorFile
 from runtime.estimators.problem import FrictionPrior
+from runtime.library import Array
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.friction.model import default_terms
 from runtime.recording.streamed import StreamedRecording
@@ -131,6 +132,11 @@ class Settings:
     def kappa(self) -> float:
         """Trust κ in the inertial prior."""
         return self.prior.kappa if self.prior and self.prior.kappa else CAD
+
+    @property
+    def centre(self) -> Array | None:
+        """π0 of the type of robot, (10 n,); None for that of the URDF."""
+        return None if self.prior is None else self.prior.centre
 
 
 def require_default(settings: Settings, names: Sequence[str], task: str) -> None:

@@ -41,7 +41,7 @@ from runtime.estimators.regression.recorded_delay import delay_of_log, stated_de
 from runtime.estimators.regression.samples import Samples, residuals, samples_of
 from runtime.estimators.robust import robust_problem
 from runtime.estimators.uncertainty import Uncertainty, uncertainty_of
-from runtime.identification.identified import Identification, TrainedModel, torque_of
+from runtime.identification.identified import Identification, torque_of
 from runtime.identification.long_logs import assemble_streamed
 from runtime.identification.problem_setup import NO_MASSES, Assembly, assemble, settings_for
 from runtime.identification.settings import Progress, Settings, bare_settings, progress_of
@@ -258,7 +258,7 @@ def _refitted(
         phi=fit.phi,
         uncertainty=posterior,
         notes=(*result.notes, note),
-        trained=TrainedModel(result.pi, result.phi),
+        trained=Fit(result.pi, result.phi, result.lam, result.status),
     )
 
 
@@ -276,8 +276,7 @@ def _uncertainty(
     assembly: Assembly, fit: Fit, settings: Settings, tests: bool = True
 ) -> Uncertainty:
     """Posterior of the fit."""
-    problem, prior = assembly.problem, settings.prior
-    lib = problem.lib
+    problem, lib = assembly.problem, assembly.problem.lib
     posterior = uncertainty_of(
         lib,
         problem.train,
@@ -289,7 +288,7 @@ def _uncertainty(
         coloured_noise=fit.coloured_noise,
         compressed=problem.statistics,
         is_most_probable=settings.estimator.is_most_probable,
-        centre=None if prior is None else prior.centre,
+        centre=settings.centre,
         tests=tests,
         gain_sigma=settings.gain_sigma,
         delay=partial(_delay_beside, assembly, settings),

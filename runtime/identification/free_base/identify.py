@@ -274,8 +274,8 @@ def _evidence(
     data: PreparedWalk, problem: Problem, fit: Fit, offsets: Array, seconds: float
 ) -> results.Evidence:
     """Data and priors about a fit; offsets (N, m, o) of sensors move π and φ."""
-    lib, samples, prior = data.lib, problem.train, data.settings.prior
-    is_most_probable = data.settings.estimator.is_most_probable
+    lib, samples, settings = data.lib, problem.train, data.settings
+    is_most_probable = settings.estimator.is_most_probable
     if is_most_probable:
         (weights, noise), statistics = fit.noise(), fit.statistics or problem.statistics()
     else:
@@ -290,8 +290,8 @@ def _evidence(
         statistics,
         None if known is None else known.statistics(statistics, level),
         level,
-        data.settings.kappa,
-        None if prior is None else prior.centre,
+        settings.kappa,
+        settings.centre,
         np.einsum("nmp,m,nmo->po", columns, weights, offsets, optimize=True),
         is_most_probable,
         noise.inflation,

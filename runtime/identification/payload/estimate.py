@@ -171,17 +171,7 @@ def identify_payload(
     solution, repeated, gain_error, changed = _with_model_error(
         solution, lib, model, run, samples, days=days, gains=gain_error
     )
-    payload = _payload(solution, mount, model, empty is not None, gain_error)
-    notes = (*payload.notes, *changed, _moment_note(mount, solution))
-    if repeated is None:
-        return replace(payload, notes=notes)
-    status, body = payload.status, payload.body
-    if body.mass < CERTAIN_BY_FEW * body.sigma[0]:
-        status = (
-            f"mass not determined: errors that repeat with the position of '{repeated.joint}' "
-            f"leave {body.mass:.4f} kg ± {NORMAL_95 * body.sigma[0]:.4f} kg (95 %)"
-        )
-    return replace(payload, status=status, notes=(*notes, *[repeated.sentence] * repeated.is_sure))
+    return _payload(solution, mount, model, empty is not None, gain_error, changed, repeated)
 
 
 @dataclass(frozen=True, slots=True)
@@ -354,7 +344,13 @@ def _moment_note(mount: Mount, solution: _Solution) -> str:
 
 
 def _payload(
-    solution: _Solution, mount: Mount, model: arm_error.ArmModel, differential: bool, gains: float
+    solution: _Solution,
+    mount: Mount,
+    model: arm_error.ArmModel,
+    differential: bool,
+    gains: float,
+    changed: tuple[str, ...],
+    repeated: arm_error.PostureDeviation | None,
 ) -> Payload:
     turn = mount.to_frame
 
@@ -369,6 +365,16 @@ def _payload(
     )
     size = float(np.linalg.norm(solution.left.columns @ solution.pi))
     share = float(np.linalg.norm(solution.left.errors)) / max(size, 1e-300)
+    status = status_of(known, weak, solution.converged)
+    notes = (*notes_of(weak, share, model, differential, gains), *changed)
+    notes += (_moment_note(mount, solution),)
+    if repeated is not None:
+        notes += (repeated.sentence,) * repeated.is_sure
+        if known.mass < CERTAIN_BY_FEW * known.sigma[0]:
+            status = (
+                f"mass not determined: errors that repeat with the position of '{repeated.joint}' "
+                f"leave {known.mass:.4f} kg ± {NORMAL_95 * known.sigma[0]:.4f} kg (95 %)"
+            )
     return Payload(
         mount=mount,
         pi=solution.pi,
@@ -383,8 +389,8 @@ def _payload(
         prior_dominated=weak,
         arm=model.origin,
         gain_error=gains,
-        status=status_of(known, weak, solution.converged),
-        notes=notes_of(weak, share, model, differential, gains),
+        status=status,
+        notes=notes,
     )
 
 

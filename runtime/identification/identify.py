@@ -1,25 +1,21 @@
 """Identification of a robot from its logs: the road of the command `identify` and of Python.
 
-    log(s) ─▶ cut-off, regressor, friction model ─▶ rows ─▶ fit ─▶ errors ─▶ fit to all rows
-
-Delay and encoder biases of a streamed log are those of its first rows, of several logs those of
-each alone. The encoders are the same in all logs, so that the biases of K logs, each with the prior
-N(0, σ₀²), have the precision Σ 1/σ_k² − (K − 1)/σ₀².
+log(s) ─▶ cut-off, regressor, friction model ─▶ rows ─▶ fit ─▶ errors ─▶ fit to all rows
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, Unpack, overload
 
-import numpy as np
-
-from runtime.common.texts import number_of
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
-from runtime.estimators.choice.dry_friction import with_dry_friction
-from runtime.estimators.regression.recorded_delay import with_delay
-from runtime.identification.drive.estimate import NO_BIAS, identify_drive
-from runtime.identification.drive.result import DriveFit, DriveRequest
+from runtime.identification.drive.estimate import (
+    drive_request,
+    identify_drive,
+    with_drives,
+    without_drives,
+)
+from runtime.identification.drive.result import DriveFit
 from runtime.identification.drive.symmetry import identify_tied, with_mirrored_links, with_sides
 from runtime.identification.free_base.identify import assembly_of_walks, identify_free_base
 from runtime.identification.free_base.result import FreeBaseIdentification
@@ -45,11 +41,10 @@ from runtime.identification.settings import (
 from runtime.identification.several_logs import NamedLog, distinct
 from runtime.identification.single_log import FittedSource, assembly_of, identify_recording
 from runtime.library import Library, require_library
-from runtime.recording import Friction, Preparation, Recording, Split
+from runtime.recording import Friction, Recording, Split
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.free_base import FreeBaseRecording
-from runtime.recording.preprocessing.parts import before_test, without_ends
-from runtime.recording.recipes.recipe import COMMANDED
+from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.row_marks import row_marks
 from runtime.recording.streamed import StreamedRecording
 
@@ -140,17 +135,14 @@ def identify(
     data = _prepared_logs(named, lib, chosen, usable_columns([method.name]), shown)
     several, is_streamed = len(named) > 1, data[0].streamed is not None
     # The drives of one log in memory are estimated together with the links, others before.
-    request = drive_request(data[0], chosen, method.name)
+    request = drive_request(data[0], chosen)
     if several or request is not None:
         data = with_drives(data, lib, chosen)
     is_together = not (several or is_streamed)
     request = request if is_together else None
     names, notes = [each.name for each in named], _notes(named, data)
-    data = [replace(log, preparation=delayed(log, chosen)) for log in data]
-    delays = list[DriveFit]()
-    if not is_together:
-        data, delays, of_delays = without_drives(names, data, lib, chosen, shown)
-        notes += of_delays
+    data, delays, of_delays = without_drives(names, data, lib, chosen, shown, is_together)
+    notes += of_delays
     first = data[0]
     source = _source(named, data)
     if several:
@@ -295,92 +287,3 @@ def _walks(log: Any) -> list[FreeBaseRecording]:
 def _of(log: NamedLog, settings: Settings) -> Settings:
     """Settings with the preparation of one of several logs, where it states one."""
     return settings if log.preparation is None else replace(settings, preparation=log.preparation)
-
-
-LATEST = 1.0  # largest delay that is stated [s]
-
-
-def drive_request(data: PreparedLog, settings: Settings, method: str) -> DriveRequest | None:
-    """What is estimated of the drives; None for nothing."""
-    estimated = settings.delay in {AUTO, PER_JOINT}
-    commanded = data.recording.torque_source == COMMANDED
-    wanted = commanded and estimated if settings.encoder_bias is None else settings.encoder_bias
-    if not (estimated or wanted or (commanded and method == "map")):
-        return None
-    return DriveRequest(estimated, settings.delay == PER_JOINT, wanted)
-
-
-def delayed(data: PreparedLog, settings: Settings) -> Preparation | None:
-    """Preparation with a stated delay."""
-    delay = settings.delay
-    if data.is_at_rest and (delay is not None or settings.encoder_bias):
-        raise IdentificationError(
-            "--delay and --settings encoder_bias=true need motion, but the log contains poses at "
-            "rest; leave them out, or give --cutoff to identify from the motion between the poses"
-        )
-    if delay is None or delay in {AUTO, PER_JOINT}:
-        return data.preparation
-    seconds = number_of(str(delay))
-    if seconds is None or not abs(seconds) <= LATEST:
-        raise IdentificationError(
-            f"--delay needs a number of seconds within 1 s, {AUTO} or {PER_JOINT}, got '{delay}'"
-        )
-    return with_delay(data.recording, data.steps, np.array([seconds]))
-
-
-def with_drives(data: Sequence[PreparedLog], lib: Library, settings: Settings) -> list[PreparedLog]:
-    """The logs as one log of a commanded torque is prepared."""
-    ready = [
-        replace(log, preparation=without_ends(log.recording, log.steps))
-        if log.is_commanded
-        else log
-        for log in data
-    ]
-    first = ready[0]
-    recipe, terms = first.recording.recipe, first.friction
-    stated = settings.friction is not None or settings.coulomb_speed is not None
-    is_named = stated or (recipe is not None and recipe.friction is not None)
-    if is_named or terms is None or first.preparation is None or not first.is_commanded:
-        return ready
-    seen = [(before_test(log.recording, log.split), log.steps) for log in ready if log.is_commanded]
-    terms, sentence = with_dry_friction(seen, lib, terms, settings.delay in {AUTO, PER_JOINT})
-    notes = (*first.notes, sentence) if sentence else first.notes
-    return [replace(first, friction=terms, notes=notes), *ready[1:]]
-
-
-def without_drives(
-    names: list[str], data: list[PreparedLog], lib: Library, settings: Settings, progress: Progress
-) -> tuple[list[PreparedLog], list[DriveFit], list[str]]:
-    """The logs without delays of torques and biases of encoders; both; notes.
-
-    They are estimated from every log alone, with the friction model of the first.
-    """
-    delay, has_bias = settings.delay, bool(settings.encoder_bias)
-    request = DriveRequest(delay in {AUTO, PER_JOINT}, delay == PER_JOINT, has_bias)
-    if not (request.delay or request.bias):
-        return data, [], []
-    estimated, notes = list[DriveFit](), list[str]()
-    where = "" if len(data) > 1 else f", from the first {len(data[0].recording)} rows"
-    for name, each in zip(names, data, strict=True):
-        bare = each.settings(settings, each.preparation)
-        alone = replace(bare, friction=data[0].friction, refit=False, certify=False)
-        progress.step(f"estimating the delay of {name}")
-        drive = identify_drive(each.recording, lib, alone, request).drive
-        estimated.append(drive or DriveFit.unknown(lib.n_joints))
-        if request.delay:
-            notes.append(f"{name}: {estimated[-1].sentence}{where}")
-    if request.bias and not np.isfinite([each.bias for each in estimated]).all():
-        notes.append(NO_BIAS)
-    bias, corrected = DriveFit.of_all(estimated).bias, list[PreparedLog]()
-    has_bias = bool(np.isfinite(bias).all())
-    for each, fit in zip(data, estimated, strict=True):
-        steps, recording = each.preparation, each.recording
-        if fit.delay.size:
-            steps = with_delay(recording, each.steps, fit.delay)
-        log = replace(each, preparation=steps)
-        if has_bias and each.streamed is not None:
-            log = replace(log, streamed=replace(each.streamed, bias=bias))
-        elif has_bias:
-            log = replace(log, recording=recording.replace(q=recording.q + bias))
-        corrected.append(log)
-    return corrected, estimated, notes

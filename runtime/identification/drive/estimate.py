@@ -5,14 +5,21 @@ the present delay d (`Preparation.torque_delay_s`) and q + b, and `linearised` g
 The first d is the minimum of the profile of the loss (`recorded_delay`). Of a measured torque it is
 the last one: dry friction lags behind the sign of dq, and the profile leaves its reversals out,
 while the passes would take the lag for a delay.
+
+Delay and encoder biases of a streamed log are those of its first rows, of several logs those of
+each alone. The encoders are the same in all logs, so that the biases of K logs, each with the prior
+N(0, σ₀²), have the precision Σ 1/σ_k² − (K − 1)/σ₀².
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from runtime.common.texts import number_of
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
+from runtime.estimators.choice.dry_friction import with_dry_friction
 from runtime.estimators.gauss_newton import Linearised, gauss_newton
 from runtime.estimators.regression.factor import reduce
 from runtime.estimators.regression.recorded_delay import (
@@ -31,14 +38,15 @@ from runtime.estimators.robust import explicit
 from runtime.identification.drive import feedback
 from runtime.identification.drive.result import DriveFit, DriveRequest
 from runtime.identification.identified import Identification
+from runtime.identification.prepared_log import PreparedLog
 from runtime.identification.problem_setup import assemble, known_friction
-from runtime.identification.settings import SILENT, Progress, Settings, terms_of
+from runtime.identification.settings import AUTO, PER_JOINT, SILENT, Progress, Settings, terms_of
 from runtime.identification.single_log import identify_assembled, identify_recording
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction.coupled_motors import geared
-from runtime.recording.preprocessing.parts import without_ends
+from runtime.recording.preprocessing.parts import before_test, without_ends
 from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.settings import COLUMNS
 
@@ -301,3 +309,99 @@ def _certified(problem: DriveProblem, x: Array) -> Identification:
         phi = end.phi_moved - system.slope @ end.pi_moved
         uncertainty = uncertainty.beside(problem.lib, end.pi_moved, phi)
     return replace(result, drive=drive, uncertainty=uncertainty)
+
+
+LATEST = 1.0  # largest delay that is stated [s]
+
+
+def drive_request(data: PreparedLog, settings: Settings) -> DriveRequest | None:
+    """What is estimated of the drives; None for nothing."""
+    estimated = settings.delay in {AUTO, PER_JOINT}
+    commanded = data.recording.torque_source == COMMANDED
+    wanted = commanded and estimated if settings.encoder_bias is None else settings.encoder_bias
+    if not (estimated or wanted or (commanded and settings.estimator.name == "map")):
+        return None
+    return DriveRequest(estimated, settings.delay == PER_JOINT, wanted)
+
+
+def delayed(data: PreparedLog, settings: Settings) -> Preparation | None:
+    """Preparation with a stated delay."""
+    delay = settings.delay
+    if data.is_at_rest and (delay is not None or settings.encoder_bias):
+        raise IdentificationError(
+            "--delay and --settings encoder_bias=true need motion, but the log contains poses at "
+            "rest; leave them out, or give --cutoff to identify from the motion between the poses"
+        )
+    if delay is None or delay in {AUTO, PER_JOINT}:
+        return data.preparation
+    seconds = number_of(str(delay))
+    if seconds is None or not abs(seconds) <= LATEST:
+        raise IdentificationError(
+            f"--delay needs a number of seconds within 1 s, {AUTO} or {PER_JOINT}, got '{delay}'"
+        )
+    return with_delay(data.recording, data.steps, np.array([seconds]))
+
+
+def with_drives(data: Sequence[PreparedLog], lib: Library, settings: Settings) -> list[PreparedLog]:
+    """The logs as one log of a commanded torque is prepared."""
+    ready = [
+        replace(log, preparation=without_ends(log.recording, log.steps))
+        if log.is_commanded
+        else log
+        for log in data
+    ]
+    first = ready[0]
+    recipe, terms = first.recording.recipe, first.friction
+    stated = settings.friction is not None or settings.coulomb_speed is not None
+    is_named = stated or (recipe is not None and recipe.friction is not None)
+    if is_named or terms is None or first.preparation is None or not first.is_commanded:
+        return ready
+    seen = [(before_test(log.recording, log.split), log.steps) for log in ready if log.is_commanded]
+    terms, sentence = with_dry_friction(seen, lib, terms, settings.delay in {AUTO, PER_JOINT})
+    notes = (*first.notes, sentence) if sentence else first.notes
+    return [replace(first, friction=terms, notes=notes), *ready[1:]]
+
+
+def without_drives(
+    names: list[str],
+    data: list[PreparedLog],
+    lib: Library,
+    settings: Settings,
+    progress: Progress,
+    is_together: bool,
+) -> tuple[list[PreparedLog], list[DriveFit], list[str]]:
+    """The logs without delays of torques and biases of encoders; estimates of both; notes.
+
+    Unless they are estimated together with the links, they are from every log alone, with the
+    friction model of the first.
+    """
+    data = [replace(log, preparation=delayed(log, settings)) for log in data]
+    delay, has_bias = settings.delay, bool(settings.encoder_bias)
+    request = DriveRequest(delay in {AUTO, PER_JOINT}, delay == PER_JOINT, has_bias)
+    if is_together or not (request.delay or request.bias):
+        return data, [], []
+    estimated, notes = list[DriveFit](), list[str]()
+    where = "" if len(data) > 1 else f", from the first {len(data[0].recording)} rows"
+    for name, each in zip(names, data, strict=True):
+        bare = each.settings(settings, each.preparation)
+        alone = replace(bare, friction=data[0].friction, refit=False, certify=False)
+        progress.step(f"estimating the delay of {name}")
+        drive = identify_drive(each.recording, lib, alone, request).drive
+        estimated.append(drive or DriveFit.unknown(lib.n_joints))
+        if request.delay:
+            notes.append(f"{name}: {estimated[-1].sentence}{where}")
+    if request.bias and not np.isfinite([each.bias for each in estimated]).all():
+        notes.append(NO_BIAS)
+    bias, corrected = DriveFit.of_all(estimated).bias, list[PreparedLog]()
+    has_bias = bool(np.isfinite(bias).all())
+    for each, fit in zip(data, estimated, strict=True):
+        steps, recording = each.preparation, each.recording
+        if fit.delay.size:
+            steps = with_delay(recording, each.steps, fit.delay)
+        log = replace(each, preparation=steps)
+        if has_bias and each.streamed is not None:
+            log = replace(log, streamed=replace(each.streamed, bias=bias))
+        elif has_bias:
+            log = replace(log, recording=recording.replace(q=recording.q + bias))
+        corrected.append(log)
+    return corrected, estimated, notes

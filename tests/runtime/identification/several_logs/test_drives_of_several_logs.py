@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from runtime.identification.identify import identify, with_drives
+from runtime.identification.drive.estimate import with_drives
+from runtime.identification.identify import identify
 from runtime.identification.prepared_log import PreparedLog
 from runtime.identification.settings import Settings
 from runtime.library import load

@@ -4,7 +4,7 @@ The rows of `rows` are given to the method, by default map (entropic prior at th
 link included), so that what the log does not determine keeps the values of the URDF, and says so.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +21,6 @@ from runtime.identification import result_record as schema
 from runtime.identification.drive.symmetry import sides_of, tied_prior
 from runtime.identification.free_base import drives
 from runtime.identification.free_base import result as results
-from runtime.identification.free_base.plausibility import notes_on_errors
 from runtime.identification.free_base.prepared_walk import PreparedWalk, notes_on, prepared_walk
 from runtime.identification.free_base.rows import FreeBaseRows
 from runtime.identification.problem_setup import PARTS, Assembly, ShownRows
@@ -36,6 +35,10 @@ from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.recipes.recipe import COMMANDED, MEASURED
 from runtime.recording.row_marks import row_marks
 from runtime.recording.settings import WIDTHS
+
+_UNEXPLAINED = 0.5  # error over RMS of half of the rows from which a note states it
+_FAR = 3.0
+"""Distance of a sensor's error from 0 in its standard deviations from which a note states it."""
 
 
 @one_blas_thread
@@ -76,7 +79,7 @@ def identify_free_base(
     after = trained.predicted(tested)
     errors = [metrics.torque_error(measured, each) for each in (before, after)]
     percent, sizes = schema.error_parts(*errors)
-    of_errors = notes_on_errors(
+    of_errors = _notes_on_errors(
         *(drives.rms(measured), errors[1].rms, fit.phi[0], data.sensors), bool(logs[0].joint_names)
     )
     deviations = np.linalg.norm(root, axis=1)
@@ -141,6 +144,34 @@ def identify_free_base(
         evidence=evidence,
         predictions={"t": test.t, "measured": measured, "before": before, "after": after},
     )
+
+
+def _notes_on_errors(
+    rms: Array, after: Array, phi: Array, sensors: Mapping[str, float], are_named: bool
+) -> tuple[str, ...]:
+    """Notes on rows that the result does not explain, and on sensors far from what was stated."""
+    notes = []
+    loaded = rms > 0
+    if not loaded.any():
+        notes.append(
+            "torques and wrenches of the test part are zero throughout, as in free flight; if "
+            "sensors were off, choose another --split"
+        )
+    share = float(np.median(after[loaded] / rms[loaded])) if loaded.any() else 0.0
+    if share > _UNEXPLAINED:
+        unnamed = "" if are_named else " (the log has no array joints, which names them)"
+        notes.append(
+            f"half of the rows keep an error of {100 * share:.0f} % of their RMS or more: torques "
+            "and wrenches do not fit this robot and motion; check names and order of joints"
+            f"{unnamed} and contacts, contact_position, contact_kind, contact_axes and units"
+        )
+    for (name, spread), value in zip(sensors.items(), phi, strict=False):
+        if abs(value) > _FAR * spread:
+            notes.append(
+                f"sensors: the error of {name} is {abs(value) / spread:.1f} times its stated "
+                "standard deviation; check the contact forces, or state a larger one"
+            )
+    return tuple(notes)
 
 
 def _files(logs: Sequence[FreeBaseRecording]) -> dict[str, str]:

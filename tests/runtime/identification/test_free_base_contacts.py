@@ -10,7 +10,7 @@ import pytest
 
 from runtime.errors import RuntimeFault
 from runtime.estimators.prior_file import read_prior
-from runtime.identification.free_base.plausibility import require_contact_conventions
+from runtime.identification.free_base.prepared_walk import require_contact_conventions
 from runtime.identification.identify import identify
 from runtime.identification.result_record import FORMAT
 from runtime.library import Library

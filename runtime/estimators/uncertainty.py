@@ -21,6 +21,7 @@ assumptions.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from math import gamma
 
 import numpy as np
 
@@ -49,6 +50,7 @@ from runtime.estimators.regression.samples import (
     weights_from,
 )
 from runtime.library import Array, Library
+from runtime.recording import Preparation
 
 ROUND = 1 / 3  # smallest eigenvalue of Σ_com over their sum of a round body
 IDENTIFIED, PRIOR_DOMINATED, UNOBSERVABLE = "identified", "prior-dominated", "unobservable"
@@ -283,6 +285,24 @@ def visible_noise(
     weights = weights_from(noise(rest, lib, phi.size), samples.tau)
     statistics = compressed(weights) if compressed else compress(lib, samples, weights)
     return weights, statistics, coloured_noise_of(lib, [samples], statistics, weights)
+
+
+def filter_inflation(steps: Preparation, rate_hz: float) -> float:
+    """N / N_eff of white noise after the low-pass filter of a prepared recording.
+
+    A Butterworth filter of order N, forwards and backwards, has the power gain (1 + x^2N)⁻² at
+    x = f/f_c and the noise bandwidth
+
+        B = f_c ∫₀^∞ (1 + x^2N)⁻² dx = f_c Γ(1 + 1/2N) Γ(2 − 1/2N)
+
+    so that white noise at the rate f_s after it has N/N_eff = f_s / 2B.
+    Source: Bendat & Piersol 2010 for the noise bandwidth; the integral is a beta function.
+    """
+    if steps.filter != "butterworth" or not steps.cutoff_hz or steps.regressor != "acceleration":
+        return 1.0
+    half = 1 / (2 * steps.order)
+    bandwidth = steps.cutoff_hz * gamma(1 + half) * gamma(2 - half)
+    return max(1.0, rate_hz / (2 * bandwidth))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

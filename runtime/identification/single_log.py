@@ -40,7 +40,7 @@ from runtime.estimators.problem import Fit, Problem, best_friction, bounds_of
 from runtime.estimators.regression.recorded_delay import delay_of_log, stated_delay
 from runtime.estimators.regression.samples import Samples, residuals, samples_of
 from runtime.estimators.robust import robust_problem
-from runtime.estimators.uncertainty import Uncertainty, uncertainty_of
+from runtime.estimators.uncertainty import Uncertainty, filter_inflation, uncertainty_of
 from runtime.identification.identified import Identification, torque_of
 from runtime.identification.long_logs import assemble_streamed
 from runtime.identification.problem_setup import NO_MASSES, Assembly, assemble, settings_for
@@ -48,7 +48,6 @@ from runtime.identification.settings import Progress, Settings, bare_settings, p
 from runtime.identification.several_logs import NamedLog, assemble_logs
 from runtime.library import Array, Library, Mask
 from runtime.recording import Friction, Recording
-from runtime.recording.preprocessing.filters import filter_inflation
 from runtime.recording.settings import COLUMNS
 from runtime.recording.streamed import StreamedRecording
 

@@ -6,14 +6,13 @@ the same filter. `lagged` has the phase of a sensor instead.
 """
 
 from collections.abc import Callable, Iterable
-from math import gamma
 from types import ModuleType
 
 import numpy as np
 
 from runtime.errors import RecordingError
 from runtime.library import Array
-from runtime.recording import Preparation, Recording
+from runtime.recording import Recording
 from runtime.recording.preprocessing.segments import segments, uniform_step, without_short
 from runtime.recording.recording import ALL
 
@@ -82,24 +81,6 @@ def _butterworth(recording: Recording, cutoff_hz: float, order: int) -> tuple[Ar
         )
     sections = butterworth_sections(order, cutoff_hz * 2.0 * step)
     return sections, max(int(np.ceil(4.0 / (cutoff_hz * step))), 3 * (order + 1))
-
-
-def filter_inflation(steps: Preparation, rate_hz: float) -> float:
-    """N / N_eff of white noise after the low-pass filter of a prepared recording.
-
-    A Butterworth filter of order N, forwards and backwards, has the power gain (1 + x^2N)⁻² at
-    x = f/f_c and the noise bandwidth
-
-        B = f_c ∫₀^∞ (1 + x^2N)⁻² dx = f_c Γ(1 + 1/2N) Γ(2 − 1/2N)
-
-    so that white noise at the rate f_s after it has N/N_eff = f_s / 2B.
-    Source: Bendat & Piersol 2010 for the noise bandwidth; the integral is a beta function.
-    """
-    if steps.filter != "butterworth" or not steps.cutoff_hz or steps.regressor != "acceleration":
-        return 1.0
-    half = 1 / (2 * steps.order)
-    bandwidth = steps.cutoff_hz * gamma(1 + half) * gamma(2 - half)
-    return max(1.0, rate_hz / (2 * bandwidth))
 
 
 def lagged(recording: Recording, values: Array, cutoff_hz: float) -> Array:

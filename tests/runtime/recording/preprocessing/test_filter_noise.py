@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from runtime.estimators.uncertainty import filter_inflation
 from runtime.recording import Preparation, Recording
 from runtime.recording.preprocessing import prepare
-from runtime.recording.preprocessing.filters import filter_inflation
 
 COUNT = 40_000
 

@@ -52,7 +52,6 @@ from runtime.estimators.problem import FrictionPrior, NoiseFloor
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, PI_NAMES, links
 from runtime.recording import Friction
-from runtime.recording.friction.columns import ROTOR
 from runtime.recording.settings import COLUMNS, WIDTHS, widths_of
 
 LARGEST_PRIOR = 1e9  # largest number of the tables [SI]
@@ -334,17 +333,6 @@ def _armature(stated: Stated, path: Path, lib: Library) -> Array | None:
             )
         values[lib.joint_names.index(name)] = pair
     return values if entries else None
-
-
-def friction_prior_of(armature: Array, columns: tuple[str, ...]) -> FrictionPrior:
-    """Prior of the friction coefficients: armature (n, 2) [kg·m², kg] → (n, k)."""
-    if ROTOR.name not in columns:
-        raise IdentificationError(
-            "the prior states armature, but rotor inertia is not among the friction columns "
-            f"{', '.join(columns) or 'none'}; add rotor to --friction"
-        )
-    shape, places = (len(armature), len(columns)), np.s_[:, columns.index(ROTOR.name)]
-    return FrictionPrior.of_some(shape, places, *armature.T)
 
 
 def _from_model(path: Path, name: str, lib: Library) -> dict[str, float]:

@@ -21,12 +21,7 @@ from runtime.identification.free_base.identify import assembly_of_walks, identif
 from runtime.identification.free_base.result import FreeBaseIdentification
 from runtime.identification.identified import Identification
 from runtime.identification.long_logs import require_streamable
-from runtime.identification.prepared_log import (
-    PreparedLog,
-    prepared_log,
-    usable_columns,
-    without_memory,
-)
+from runtime.identification.prepared_log import PreparedLog, prepared_log, usable_columns
 from runtime.identification.problem_setup import Assembly, settings_for
 from runtime.identification.settings import (
     AUTO,
@@ -46,6 +41,7 @@ from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.row_marks import row_marks
+from runtime.recording.settings import has_memory
 from runtime.recording.streamed import StreamedRecording
 
 __all__ = ["identify"]
@@ -245,7 +241,8 @@ def _prepared_logs(
     Friction model, regressor and gains of currents come from the first log, a cut-off from each.
     """
     if len(named) == 1 and (settings.delay is not None or settings.encoder_bias):
-        usable = without_memory(usable)  # The result states Coulomb friction per drive.
+        # The result states Coulomb friction per drive, without memory.
+        usable = [name for name in usable if not has_memory([name])]
     first = prepared_log(named[0].recording, lib, _of(named[0], settings), usable, shown)
     rest = settings
     if settings.regressor == AUTO:

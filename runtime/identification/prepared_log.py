@@ -24,6 +24,7 @@ from runtime.identification.settings import (
     Progress,
     Settings,
     cutoff_of,
+    default_terms,
     friction_of,
 )
 from runtime.identification.single_log import without_torque_columns
@@ -32,7 +33,6 @@ from runtime.recording import EVERYTHING, Friction, Preparation, Recording, Spli
 from runtime.recording.coupled_joints import in_order_of, independent_joints
 from runtime.recording.current_gains import CurrentGains
 from runtime.recording.friction.columns import OFFSET, ROTOR
-from runtime.recording.friction.model import default_terms
 from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.settings import has_memory
@@ -207,11 +207,6 @@ def usable_columns(methods: Sequence[str]) -> tuple[str, ...]:
         return ()
     limits = [set(record.columns) for record in records if record.columns is not None]
     return tuple(name for name in USABLE if all(name in limit for limit in limits))
-
-
-def without_memory(columns: Sequence[str]) -> tuple[str, ...]:
-    """Columns that depend on the present motion alone."""
-    return tuple(name for name in columns if not has_memory([name]))
 
 
 def preparation_of(

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.estimators.prior_file import KnownFriction, friction_prior_of
+from runtime.estimators.prior_file import KnownFriction
 from runtime.estimators.problem import FrictionPrior, Origin, Problem, mass_unit
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.identification import settings as fit_settings
@@ -23,6 +23,7 @@ from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.consistency import require_plausible
 from runtime.recording.coupled_joints import independent_joints
+from runtime.recording.friction.columns import ROTOR
 from runtime.recording.friction.coupled_motors import geared
 from runtime.recording.friction.model import left_out_note, unresolved, without_columns
 from runtime.recording.preprocessing import prepare
@@ -237,7 +238,13 @@ def known_friction(
         priors = [stated.of(friction, columns) if isinstance(stated, KnownFriction) else stated]
     elif prior is not None:
         if prior.armature is not None:
-            priors.append(friction_prior_of(prior.armature, columns))
+            if ROTOR.name not in columns:
+                raise IdentificationError(
+                    "the prior states armature, but rotor inertia is not among the friction "
+                    f"columns {', '.join(columns) or 'none'}; add rotor to --friction"
+                )
+            shape, places = (lib.n_joints, len(columns)), np.s_[:, columns.index(ROTOR.name)]
+            priors.append(FrictionPrior.of_some(shape, places, *prior.armature.T))
         if prior.friction is not None:
             priors.append(prior.friction.of(friction, columns))
     weak = np.array([COLUMNS[c].prior_sigma if c in COLUMNS else np.inf for c in columns])

@@ -20,7 +20,8 @@ from runtime.estimators.prior_file import KnownFriction, PriorFile
 from runtime.estimators.problem import FrictionPrior
 from runtime.library import Array
 from runtime.recording import Friction, Preparation, Recording, Split
-from runtime.recording.friction.model import default_terms
+from runtime.recording.friction.model import DRIVE
+from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.streamed import StreamedRecording
 
 AUTO = "auto"  # word for a friction model, cut-off, regressor or delay that is chosen from the log
@@ -222,6 +223,14 @@ def bare_settings(settings: Settings | str | None, keywords: Mapping[str, Any]) 
     chosen = settings_from(settings, keywords)
     require_default(chosen, CHOSEN, "a fit of prepared rows")
     return chosen
+
+
+def default_terms(recording: Recording) -> Friction | None:
+    """Friction terms of a log for which none are named: of its recipe, or of commanded drives."""
+    terms = recording.recipe.friction if recording.recipe else None
+    if terms is None and recording.torque_source == COMMANDED and recording.columns is None:
+        return Friction(columns=DRIVE)
+    return terms
 
 
 def friction_of(recording: Recording, settings: Settings) -> Friction | None:

@@ -22,7 +22,6 @@ import numpy as np
 from runtime.errors import RecordingError
 from runtime.library import Array, Library, Mask
 from runtime.recording.friction.coupled_motors import Coupling, directions, geared, shape_of
-from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.recording import DERIVED, Recording, motion_of
 from runtime.recording.settings import COLUMNS, Friction, JointMotion
 
@@ -30,14 +29,6 @@ DRIVE = ("viscous", "coulomb", "offset", "rotor")  # names of the columns of one
 DAY, LARGE_DAY = 0.05, 0.07
 """Relative change of the friction of a healthy arm between days, in the mean and at most: 3 to 7 %
 on a UR5."""
-
-
-def default_terms(recording: Recording) -> Friction | None:
-    """Friction terms of a log for which none are named: of its recipe, or of commanded drives."""
-    terms = recording.recipe.friction if recording.recipe else None
-    if terms is None and recording.torque_source == COMMANDED and recording.columns is None:
-        return Friction(columns=DRIVE)
-    return terms
 
 
 def columns(motion: JointMotion, *terms: Friction) -> Array:

@@ -173,11 +173,8 @@ def identify_assembled(
         return fit_by(problem, method.name, chosen.preset, chosen.prior, assembly.origin)
 
     fitted = fit_of or by_method
-
-    def ready(each: Assembly) -> Assembly:
-        return _weighted(with_modelled_torque(each, fitted), chosen)
-
-    given, assembly = assembly, ready(assembly)
+    given, assembly = assembly, with_modelled_torque(assembly, fitted)
+    assembly = _weighted(assembly, chosen)
     problem, parts = assembly.problem, assembly.parts
     lib = problem.lib
     fit = fitted(problem)
@@ -221,7 +218,8 @@ def identify_assembled(
     )
     if not (takes_all and is_refitted(assembly)) or fit.status == Status.INTERRUPTED.value:
         return result
-    return _refitted(result, ready(with_all_rows(given)), fitted, chosen, rows_of(problem, fit))
+    whole = _weighted(with_modelled_torque(with_all_rows(given), fitted), chosen)
+    return _refitted(result, whole, fitted, chosen, rows_of(problem, fit))
 
 
 def _weighted(assembly: Assembly, settings: Settings) -> Assembly:

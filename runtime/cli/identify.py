@@ -32,17 +32,16 @@ from runtime.estimators.descent.fit import PRESETS
 from runtime.estimators.methods import DEFAULT, METHODS
 from runtime.estimators.optimizers import Status
 from runtime.estimators.prior_file import KnownFriction
-from runtime.identification.free_base import result as walks_result
 from runtime.identification.free_base.prepared_walk import usual_rows
 from runtime.identification.identified import Identification
 from runtime.identification.identify import identify
 from runtime.identification.posterior_file import spring_lines
 from runtime.identification.problem_setup import settings_for
-from runtime.identification.result_file import write_result
+from runtime.identification.result_file import NewResult, write_result
 from runtime.identification.result_record import ResultRecord
 from runtime.identification.result_tables import error_table, share_table, tested_on
 from runtime.identification.settings import AUTO, Settings
-from runtime.identification.statistics_file import statistics_of, write_statistics
+from runtime.identification.statistics_file import statistics_of, unit_statistics, write_statistics
 from runtime.library import Library
 from runtime.outputs.model_files.export import write_urdf
 from runtime.outputs.report.report import left_out_table, write_report
@@ -187,18 +186,17 @@ class IdentifySettings(FitChoices):
         return independent_joints(read_recording(log, self.recipe, None, lib.joint_names), lib)
 
 
-AnyResult = Identification | walks_result.FreeBaseIdentification
 LEFT_OUT = "Leave one log out: torque error of each log"
 STATISTICS = "statistics.npz"
 
 UNFINISHED = {end.value for end in (Status.INTERRUPTED, Status.MAX_ITERATIONS, Status.DIVERGED)}
 
 
-def finish(result: AnyResult, folder: Path, given: IdentifySettings, inspect: str) -> None:
+def finish(result: NewResult, folder: Path, given: IdentifySettings, inspect: str) -> None:
     """Write all files of a result, then print it: a pipe that closes costs no file."""
     record = write_result(result, folder, command_line())
     files = _written(result, folder, given)
-    if isinstance(result, walks_result.FreeBaseIdentification):
+    if not isinstance(result, Identification):
         files.append(f"result: {folder / 'result.json'}")
         lines = print_walk(result)
     else:
@@ -268,7 +266,7 @@ def _summary(
             yield f"advice: {known.first_advice()}"
 
 
-def _print_details(result: AnyResult, record: ResultRecord) -> None:
+def _print_details(result: NewResult, record: ResultRecord) -> None:
     if record.sessions is not None:
         show(replace(left_out_table(record.sessions), title=LEFT_OUT))
     if not isinstance(result, Identification):
@@ -289,7 +287,7 @@ def _print_details(result: AnyResult, record: ResultRecord) -> None:
     say_notes(record.warnings)
 
 
-def _written(result: AnyResult, folder: Path, given: IdentifySettings) -> list[str]:
+def _written(result: NewResult, folder: Path, given: IdentifySettings) -> list[str]:
     """Write the files beside result.json; a line for each. Those of an earlier result go."""
     lines = [urdf_line(result, folder)]
     if given.report:
@@ -301,7 +299,8 @@ def _written(result: AnyResult, folder: Path, given: IdentifySettings) -> list[s
         if isinstance(result, Identification):
             known = statistics_of(result, name)
         else:
-            known = walks_result.statistics_of_walk(result, name)
+            data, terms = result.written_posterior.information, result.friction
+            known = unit_statistics(result.lib, name, data, terms, terms.columns)
         write_statistics(known, folder / STATISTICS)
         lines.append(f"statistics: {folder / STATISTICS}")
     else:
@@ -309,7 +308,7 @@ def _written(result: AnyResult, folder: Path, given: IdentifySettings) -> list[s
     return lines
 
 
-def urdf_line(result: AnyResult, folder: Path) -> str:
+def urdf_line(result: NewResult, folder: Path) -> str:
     """Write identified.urdf of a consistent result, else remove that of an earlier one."""
     path = folder / "identified.urdf"
     if result.is_consistent:

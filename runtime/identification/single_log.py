@@ -216,7 +216,9 @@ def identify_assembled(
         learned=fit.learned,
         urdf_phi=best_friction(statistics, lib.pi0, fit.phi.shape) if fit.phi.size else None,
     )
-    if not (takes_all and is_refitted(assembly)) or fit.status == Status.INTERRUPTED.value:
+    is_cut = assembly.is_cut and not np.array_equal(parts[0].t, parts[2].t)  # else all rows train
+    is_refitted = takes_all and is_cut and problem.train.equations == lib.n_joints
+    if not is_refitted or fit.status == Status.INTERRUPTED.value:
         return result
     whole = _weighted(with_modelled_torque(with_all_rows(given), fitted), chosen)
     return _refitted(result, whole, fitted, chosen, rows_of(problem, fit))
@@ -298,16 +300,6 @@ def _uncertainty(
     rows = assembly.parts[0]
     steps = rows.prepared or settings.preparation or rows.preparation
     return replace(posterior, filtered=filter_inflation(steps, rows.rate_hz))
-
-
-def is_refitted(assembly: Assembly) -> bool:
-    """Whether a problem can be fitted to all rows after its errors are known."""
-    train, _, test = assembly.parts
-    return (
-        assembly.is_cut
-        and not np.array_equal(train.t, test.t)  # else all rows train already
-        and assembly.problem.train.equations == assembly.problem.lib.n_joints
-    )
 
 
 def with_all_rows(assembly: Assembly) -> Assembly:

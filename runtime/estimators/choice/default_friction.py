@@ -48,15 +48,7 @@ from runtime.estimators.robust import explicit, weights_of_rows
 from runtime.library import Array, Library, Mask, require_library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction, Preparation, Recording, Split
-from runtime.recording.friction.columns import (
-    COULOMB,
-    DAHL,
-    LOAD,
-    OFFSET,
-    ROTOR,
-    VISCOUS,
-    spring_names,
-)
+from runtime.recording.friction.columns import COULOMB, DAHL, LOAD, OFFSET, ROTOR, VISCOUS
 from runtime.recording.friction.model import unresolved, without_columns
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.parts import before_test
@@ -133,7 +125,7 @@ def choose_default_friction(
     require_recording(recording)
     require_library(lib)
     bare = before_test(recording, split).replace(columns=None, column_names=())
-    springs = spring_names(lib) if SPRINGS in allowed else ()
+    springs = tuple(f"{SPRINGS}{name}" for name in lib.manifest.springs if SPRINGS in allowed)
     beside = (OFFSET.name, VISCOUS.name, ROTOR.name)
     shared = (*(name for name in beside if name in allowed), *springs)
 

@@ -20,7 +20,6 @@ from runtime.identification.free_base import rows as equations
 from runtime.identification.free_base.drives import rms
 from runtime.identification.posterior_file import SavedPosterior
 from runtime.identification.saved_result import SavedResult
-from runtime.identification.statistics_file import UnitStatistics, unit_statistics
 from runtime.library import Array, Library
 from runtime.library.parameters import MASS, N_PARAMETERS, links, mass
 from runtime.recording.free_base import FreeBaseRecording
@@ -122,12 +121,6 @@ class FreeBaseIdentification(SavedResult):
         known = self.posterior.information
         known = replace(known, statistics=marginal(known.statistics, self.evidence.of_drives))
         return replace(self.posterior, information=known, phi_nuisance=None)
-
-
-def statistics_of_walk(result: FreeBaseIdentification, unit: str) -> UnitStatistics:
-    """Compressed training samples of a result, for `fleet`."""
-    known, terms = result.written_posterior.information, result.friction
-    return unit_statistics(result.lib, unit, known, terms, terms.columns)
 
 
 def marginal(statistics: Statistics, kept: slice) -> Statistics:

@@ -221,11 +221,6 @@ def spring_column(name: str) -> FrictionColumn:
     )
 
 
-def spring_names(lib: Library) -> tuple[str, ...]:
-    """Names of the columns of all springs of unknown stiffness of a robot, `spring:NAME`."""
-    return tuple(f"{SPRING}{name}" for name in lib.manifest.springs)
-
-
 def _spring_torque(spring: str, motion: JointMotion, _: Friction) -> Array:
     if motion.q is None or motion.lib is None:
         raise RecordingError(

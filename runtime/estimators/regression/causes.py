@@ -34,6 +34,10 @@ from runtime.library import Array, Library
 from runtime.library.parameters import first_moment, links, mass
 
 GAIN, DELAY, ZERO, TILT, OFFSET = "gain", "delay", "zero", "tilt", "offset"
+SIGNIFICANCE = 1e-4
+"""Probability of an alarm where the columns are absent or a prior is right. The noise S is known to
+some 15 %, which moves T by as much; one in 10 000 leaves room for that within three alarms of a
+hundred logs."""
 USABLE = {GAIN: 0.03, DELAY: 0.03}
 """Share of the torque that a cause makes, up to which a model predicts torques though its
 parameters took up a part of it: 3 % at the joint that carries the arm, 11 % at a wrist, 10 ms."""
@@ -183,7 +187,7 @@ def causes_of(lib: Library, fit: model_error.FreeFit, pi: Array) -> Causes:
     ranked, whole = [], np.linalg.norm(fit.predicted.reshape(count, n) / fit.scale)
     for k, (kind, joint, across) in enumerate(kinds):
         chosen = (groups == k) & seen
-        threshold = float(chdtri(max(int(chosen.sum()), 1), model_error.SIGNIFICANCE))
+        threshold = float(chdtri(max(int(chosen.sum()), 1), SIGNIFICANCE))
         if not chosen.any():
             ranked.append(Cause(kind, joint, 0.0, np.inf, 0.0, 0.0, threshold))
             continue

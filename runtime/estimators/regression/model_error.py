@@ -27,25 +27,6 @@ exponentially distributed about one square in common, which is 0 or has a prior 
 and λ² is its posterior mean. s is integrated out and not exported: the estimate x̂ keeps its value,
 and its error gains X⁺ N s with s | r ~ N(s̄, C_s), C_s⁻¹ = G/S + Λ⁻¹, s̄ = C_s z / S.
 Source: Kennedy & O'Hagan 2001 for the discrepancy of a model; empirical Bayes for its size.
-
-Score test of columns that a linear fit lacks.
-
-    τ = Y_b β + F φ + Z ζ + e,     T = ‖P_Z r‖² / S
-
-r is the residual of the fit without Z, and P_Z projects on what Z adds to the other columns. T is
-χ² with rank P_Z degrees of freedom where ζ = 0, for noise of density S at the frequencies of the
-columns. Every Z that is a function of the motion gives a valid test.
-Source: Breusch & Pagan 1980 for score tests.
-
-Test of the friction columns of a fit.
-
-Friction that the columns do not describe:
-
-    τ_j = (Y_b β + F φ)_j + ζ₁ s(dq_j) exp(−(dq_j / v)²) + ζ₂ s(dq_j) |τ̂_j|
-
-The two columns of every joint, a Stribeck peak and friction that grows with the load, are the
-deviations of gears that viscous, Coulomb and offset columns leave in the residual. The fit of the
-inertial parameters takes up a part of them, so that its intervals are too narrow.
 """
 
 from dataclasses import dataclass, replace
@@ -53,7 +34,7 @@ from functools import reduce
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.special import chdtri, softmax
+from scipy.special import softmax
 
 from runtime.estimators.regression.coloured_noise import (
     coloured_noise_of_shares,
@@ -62,26 +43,12 @@ from runtime.estimators.regression.coloured_noise import (
     time_step,
 )
 from runtime.estimators.regression.factor import Statistics
-from runtime.estimators.regression.posterior import (
-    APART,
-    ROUNDING,
-    least_squares,
-    orthonormal,
-    posterior_of,
-)
+from runtime.estimators.regression.posterior import APART, ROUNDING, least_squares, posterior_of
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 from runtime.recording.friction.columns import dahl_state
 from runtime.recording.settings import DAHL_STROKE, STRIBECK_SPEED
 
-SIGNIFICANCE = 1e-4
-"""Probability of an alarm where the columns are absent or a prior is right. The noise S is known to
-some 15 %, which moves T by as much; one in 10 000 leaves room for that within three alarms of a
-hundred logs."""
-MARGIN = 1.6
-"""Factor on the quantile for errors of the model: real arms have friction that no column has. With
-the arm of Franka, whose identified model predicts unseen torques to 1.4 %, T of the prior is 1.3 to
-1.5 times the quantile; an unknown body of 0.5 kg in its hand gives 1.7 times and more."""
 ROWS = 1500  # samples that determine a gain to a percent or better
 EQUATIONS = 14_000  # equations above which robots of over nine joints take fewer samples
 
@@ -117,16 +84,6 @@ class FreeFit:
         return tuple(a + b for a, b in zip(self.shares, added, strict=True))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ScoreTest:
-    """Result of the test of columns Z."""
-
-    statistic: float  # T
-    quantile: float  # value that T exceeds with the probability `SIGNIFICANCE` where ζ = 0
-    density: float  # S, in units of the weights
-    columns: Array  # what Z adds to the other columns, (N n, k)
-
-
 def free_fit(lib: Library, samples: Samples, weights: Array) -> FreeFit | None:
     """Fit base parameters and friction to about `ROWS` evenly spread samples of weights (n,)."""
     if samples.equations < lib.n_joints:
@@ -146,75 +103,6 @@ def free_fit(lib: Library, samples: Samples, weights: Array) -> FreeFit | None:
         return None
     shares = shares_of_basis(basis.reshape(len(s), scale.size, -1))
     return FreeFit(s, scale, root, basis, predicted, rest, shares)
-
-
-def score_test(fit: FreeFit, columns: Array) -> ScoreTest | None:
-    """Test columns that a fit lacks."""
-    added = columns - fit.basis @ (fit.basis.T @ columns)
-    directions = orthonormal(added, APART, np.linalg.norm(columns, axis=0), least=1.0)
-    if not directions.shape[1]:
-        return None
-    explained = directions.T @ fit.rest
-    shape = (len(fit.samples), fit.scale.size)
-    left = (fit.rest - directions @ explained).reshape(shape)
-    unknowns = fit.basis.shape[1] + directions.shape[1]
-    density = coloured_noise_of_shares(fit.shares_with(directions), left, unknowns).density
-    if not density > 0:
-        return None
-    quantile = float(chdtri(directions.shape[1], SIGNIFICANCE))
-    return ScoreTest(float(explained @ explained) / density, quantile, density, added)
-
-
-PEAK, SIGN = 0.15, 0.05  # speed v of the peak, width of the sign s, over a joint's RMS speed
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FrictionTest:
-    """Result of the test."""
-
-    excess: float  # statistic of all joints over the value that it seldom exceeds
-    joints: Array  # excess of the columns of each joint alone, (n,); 0 where `excess` ≤ 1
-
-    @property
-    def is_contradicted(self) -> bool:
-        """Whether the residuals contain friction that no column describes."""
-        return self.excess > 1
-
-    def names(self, lib: Library) -> list[str]:
-        """Joints whose own columns are contradicted, or the one with the largest excess."""
-        largest = float(self.joints.max())
-        chosen = np.flatnonzero(self.joints >= min(1.0, largest))
-        return [lib.joint_names[int(k)] for k in chosen]
-
-
-def friction_test(fit: FreeFit) -> FrictionTest | None:
-    """Test the friction columns of a fit."""
-    columns, moving = friction_columns(fit)
-    test = score_test(fit, columns)
-    if test is None:
-        return None
-    joints = np.zeros(fit.scale.size)
-    excess = test.statistic / test.quantile
-    for k, joint in enumerate(moving if excess > 1 else ()):
-        added = orthonormal(test.columns[:, 2 * k : 2 * k + 2], APART)
-        explained = added.T @ fit.rest
-        quantile = float(chdtri(max(added.shape[1], 1), SIGNIFICANCE))
-        joints[joint] = float(explained @ explained) / test.density / quantile
-    return FrictionTest(excess, joints)
-
-
-def friction_columns(fit: FreeFit) -> tuple[Array, list[int]]:
-    """The two columns of every joint that moves."""
-    dq, n = fit.samples.dq, fit.scale.size
-    speed = np.sqrt(np.mean(dq**2, axis=0))
-    moving = speed > 0
-    unit = np.where(moving, speed, 1.0)
-    sign = np.tanh(dq / (SIGN * unit))
-    load = np.abs(fit.predicted.reshape(-1, n))
-    columns = np.zeros((len(dq), n, n, 2))
-    columns[:, range(n), range(n), 0] = sign * np.exp(-((dq / (PEAK * unit)) ** 2))
-    columns[:, range(n), range(n), 1] = sign * load
-    return columns[:, :, moving].reshape(len(dq) * n, -1), [int(k) for k in np.flatnonzero(moving)]
 
 
 SLOW = 0.06  # speed at which friction that grows with load has nearly its whole size [rad/s, m/s]

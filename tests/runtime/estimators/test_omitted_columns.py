@@ -6,10 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from runtime.estimators.contradictions import friction_test, score_test
 from runtime.estimators.regression import coloured_noise
 from runtime.estimators.regression.causes import causes_of_rows
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_basis
-from runtime.estimators.regression.model_error import free_fit, friction_test, score_test
+from runtime.estimators.regression.model_error import free_fit
 from runtime.estimators.regression.samples import samples_of
 from runtime.library import Library
 from runtime.recording import Recording

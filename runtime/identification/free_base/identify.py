@@ -305,9 +305,8 @@ def _evidence(
     data: PreparedWalk, problem: Problem, fit: Fit, offsets: Array, seconds: float
 ) -> results.Evidence:
     """Data and priors about a fit; offsets (N, m, o) of sensors move π and φ."""
-    lib, samples, settings = data.lib, problem.train, data.settings
-    is_most_probable = settings.estimator.is_most_probable
-    if is_most_probable:
+    lib, samples = data.lib, problem.train
+    if data.settings.estimator.is_most_probable:
         (weights, noise), statistics = fit.noise(), fit.statistics or problem.statistics()
     else:
         weights, statistics, noise = visible_noise(
@@ -321,10 +320,8 @@ def _evidence(
         statistics,
         None if known is None else known.statistics(statistics, level),
         level,
-        settings.kappa,
-        settings.centre,
+        data.settings,
         np.einsum("nmp,m,nmo->po", columns, weights, offsets, optimize=True),
-        is_most_probable,
         noise.inflation,
         seconds,
         data.of_drives,

@@ -20,6 +20,7 @@ from runtime.identification.free_base import rows as equations
 from runtime.identification.free_base.drives import rms
 from runtime.identification.posterior_file import SavedPosterior
 from runtime.identification.saved_result import SavedResult
+from runtime.identification.settings import Settings
 from runtime.library import Array, Library
 from runtime.library.parameters import MASS, N_PARAMETERS, links, mass
 from runtime.recording.free_base import FreeBaseRecording
@@ -38,10 +39,8 @@ class Evidence:
     statistics: Statistics  # of the rows over their noise
     known: Statistics | None  # prior of φ as rows
     level: float  # S, variance with which the noise enters the unknowns
-    kappa: float  # trust in the centre of the prior
-    centre: Array | None  # π0 of a type of robot; None for that of the URDF
+    settings: Settings  # with the prior of the bodies, and the method
     slopes: Array  # of constant offsets of sensors of σ
-    is_most_probable: bool
     inflation: float  # N / N_eff
     seconds: float  # duration of the rows [s]
     of_drives: slice  # places of the friction coefficients in φ, joint by joint
@@ -49,7 +48,7 @@ class Evidence:
     @property
     def prior(self) -> Prior:
         """Entropic prior of the bodies."""
-        return prior_about(self.lib, self.lib.pi0, self.centre)
+        return prior_about(self.lib, self.lib.pi0, self.settings.centre)
 
     def after(self, times: float = 1.0) -> tuple[Statistics, Reduced, Elimination, spreads.Spread]:
         """Least squares, without φ, and spread of π after `times` the time of the same motion."""
@@ -58,9 +57,9 @@ class Evidence:
             data = data.merged(self.known)
         reduced, eliminated = reduce(data, self.lib.n_rows)
         spread = spreads.laplace(
-            *(self.lib, data, reduced, self.level, self.pi, self.prior, self.kappa),
+            *(self.lib, data, reduced, self.level, self.pi, self.prior, self.settings.kappa),
             times * self.slopes,
-            is_most_probable=self.is_most_probable,
+            is_most_probable=self.settings.estimator.is_most_probable,
         )
         return data, reduced, eliminated, spread
 
@@ -73,7 +72,8 @@ class Evidence:
     def posterior(self) -> SavedPosterior:
         """Posterior of π, and of φ of sensors, drives and delay."""
         statistics, _, _, spread = self.now
-        known = spreads.LogInformation(statistics, self.level, self.kappa, self.prior.centre)
+        kappa, centre = self.settings.kappa, self.prior.centre
+        known = spreads.LogInformation(statistics, self.level, kappa, centre)
         root, moved = spread.root, spread.phi_nuisance
         return SavedPosterior(known, self.pi, root, 0, moved, joints=self.lib.n_joints)
 

@@ -24,7 +24,7 @@ Target of a campaign: which standard deviation must fall below which value.
 """
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -74,30 +74,14 @@ class ModelError:
     delay_s: float = 0.0005  # of the torque [s]
 
 
-@dataclass(frozen=True, slots=True)
-class ErrorParts:
-    """Errors of the unknowns by part."""
-
-    roots: Mapping[str, Array]  # part → matrix R of (10 n or 10, m), R Rᵀ its mean square
-    gains: Array  # (n,) standard deviations of the gains, the columns of the part `GAINS`
-
-    def parts(self, size: Callable[[str, Array], float]) -> dict[str, float]:
-        """Size of every part."""
-        return {name: size(name, root) for name, root in self.roots.items()}
-
-    def total(self, size: Callable[[str, Array], float]) -> float:
-        """Root of the sum of squares of all parts."""
-        return float(np.linalg.norm(list(self.parts(size).values())))
-
-
 def error_parts_of(
     lib: Library,
     session: Trajectory | JoinedMotion,
     known: Information,
     error: ModelError,
     payload: bool = False,
-) -> ErrorParts:
-    """Expected errors of an identification from the log of a session, by part."""
+) -> dict[str, Array]:
+    """Expected errors of an identification: part → R of (10 n or 10, m), R Rᵀ its mean square."""
     count = int(np.clip(known.rate * session.duration, 50, MOST_ROWS))
     t = np.linspace(0.0, session.duration, count)
     q, dq, ddq, _ = session.at(lib, t)
@@ -121,8 +105,7 @@ def error_parts_of(
         counted, arm = with_earlier(a, known.earlier, lib), prior_of(lib)
         root = spread_of(arm.bodies, arm.centre, counted, CAD).root
     gain = root @ (root.T @ a.T)
-    errors = {name: gain @ part for name, part in zip(missed, rest, strict=True)}
-    return ErrorParts({NOISE: root, **errors}, np.full(lib.n_joints, error.gain))
+    return {NOISE: root} | {name: gain @ part for name, part in zip(missed, rest, strict=True)}
 
 
 def _missed(
@@ -299,10 +282,11 @@ def shortest_session(
     for _ in range(ATTEMPTS):
         optimum = _designed(lib, target, settings, duration, search)
         session = around(optimum.trajectory)
-        errors = error_parts_of(lib, session, known, error, target.kind == "payload")
-        total, taken = errors.total(size), optimum.trajectory.duration
+        roots = error_parts_of(lib, session, known, error, target.kind == "payload")
+        parts = {name: size(name, root) for name, root in roots.items()}
+        total, taken = float(np.linalg.norm(list(parts.values()))), optimum.trajectory.duration
         attempts[taken] = total
-        last = PlannedSession(optimum, errors.parts(size), total, target, attempts)
+        last = PlannedSession(optimum, parts, total, target, attempts)
         if total <= target.value:
             best = last if best is None or taken < best.duration else best
         else:
@@ -314,7 +298,7 @@ def shortest_session(
             duration = float(np.sqrt(max(failed, best.duration / 4, SHORTEST / 2) * best.duration))
             duration = max(duration, SHORTEST)
             continue
-        needed = _needed(errors, size, target.value, session.duration, taken)
+        needed = _needed(parts[NOISE], total, target.value, session.duration, taken)
         hopeless += not np.isfinite(needed)
         if taken >= LONGEST or hopeless > 1:
             break
@@ -363,16 +347,9 @@ def _designed(
     return replace(optimum, trajectory=inside)
 
 
-def _needed(
-    errors: ErrorParts,
-    size: Callable[[str, Array], float],
-    value: float,
-    whole: float,
-    taken: float,
-) -> float:
+def _needed(noise: float, total: float, value: float, whole: float, taken: float) -> float:
     """Duration of the motion for the error of the target; the ways count as seconds of it."""
-    noise = errors.parts(size)[NOISE]
-    rest = value**2 - (errors.total(size) ** 2 - noise**2)
+    rest = value**2 - (total**2 - noise**2)
     return np.inf if rest <= 0 else 1.02 * whole * noise**2 / rest - (whole - taken)
 
 

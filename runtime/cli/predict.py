@@ -34,6 +34,7 @@ from runtime.identification.prepared_log import prepared_log
 from runtime.identification.settings import Settings
 from runtime.library import Array, Library
 from runtime.library.manifest import common_unit, torque_units
+from runtime.library.parameters import links, mass
 from runtime.outputs.report import canvas
 from runtime.recording import Friction, read_recording
 from runtime.recording.free_base import read_free_base
@@ -126,14 +127,7 @@ def predict_command(given: PredictSettings) -> None:
         further.require_columns(moved.columns)
     steps = situation.steps(now, further) if given.more else ()
     if given.plot is not None:
-        draw_growth(
-            accuracy.growth(
-                *(lib, moved, situation.noise, situation.known, situation.unit),
-                more=None if further is moved else further,
-                until=SECONDS[-1] if given.more else 0.0,
-            ),
-            given.plot,
-        )
+        draw_growth(situation, further, SECONDS[-1] if given.more else 0.0, given.plot)
     if given.as_json:
         print(json_text(situation.facts(now) | facts_of_steps(steps)), end="")
         return
@@ -143,39 +137,44 @@ def predict_command(given: PredictSettings) -> None:
         say(f"plot: {given.plot}")
 
 
-def draw_growth(growth: accuracy.Growth, path: Path) -> None:
+def draw_growth(now: "Situation", further: MotionSamples, until: float, path: Path) -> None:
     """Write two panels over time: σ of every mass, and σ of the worst base parameter."""
+    lib, moved = now.lib, now.moved
+    more = None if further is moved else further
+    known = lib, moved, now.noise, now.known, now.unit
+    seconds, sigmas = accuracy.growth(*known, more=more, until=until)
+    bodies = [mass(links(each.pi)) for each in sigmas]
+    payload = np.array([np.inf if x.payload is None else mass(x.payload.pi) for x in sigmas])
+    last = accuracy.base_names(lib)[int(np.argmax(sigmas[-1].relative))]
     with canvas.picture(path, (10.0, 4.6), dpi=130) as figure:
         masses, worst = figure.subplots(1, 2, sharex=True)
-        for k, (name, sigma) in enumerate(zip(growth.links, growth.masses.T, strict=True)):
+        for k, (name, sigma) in enumerate(zip(lib.link_names, np.transpose(bodies), strict=True)):
             style = DASHES[k // len(canvas.CYCLE) % len(DASHES)]
             colour = canvas.CYCLE[k % len(canvas.CYCLE)]
-            masses.plot(growth.seconds, 1e3 * sigma, color=colour, linestyle=style, label=name)
-        is_known = np.isfinite(growth.payload)
+            masses.plot(seconds, 1e3 * sigma, color=colour, linestyle=style, label=name)
+        is_known = np.isfinite(payload)
         if is_known.any():
             masses.plot(
-                growth.seconds[is_known],
-                1e3 * growth.payload[is_known],
+                seconds[is_known],
+                1e3 * payload[is_known],
                 color=canvas.INK,
                 linewidth=2.0,
                 label="payload of 1 kg on a known arm",
             )
         masses.set_title("σ of masses [g], MAP with the URDF as prior")
-        worst.plot(growth.seconds, 100 * growth.worst, color=canvas.INK)
-        worst.set_title(
-            f"largest σ of a base parameter [% of its value]; at the end: {growth.worst_name}"
-        )
+        worst.plot(seconds, [100 * each.relative.max() for each in sigmas], color=canvas.INK)
+        worst.set_title(f"largest σ of a base parameter [% of its value]; at the end: {last}")
         for axis in (masses, worst):
             axis.set_yscale("log")
             axis.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
             axis.margins(x=0)
             axis.set_xlabel("recording time [s]")
-            if growth.seconds[-1] > growth.recorded:
-                span = growth.recorded, float(growth.seconds[-1])
+            if seconds[-1] > moved.seconds:
+                span = moved.seconds, float(seconds[-1])
                 axis.axvspan(*span, color=canvas.GREY, alpha=0.25, linewidth=0)
         figure.legend(*masses.get_legend_handles_labels(), loc="outside lower left", ncols=4)
-        further = f"; grey: {growth.further}" if growth.seconds[-1] > growth.recorded else ""
-        canvas.heading(figure, f"{growth.robot}, {growth.motion}, {growth.recorded:.3g} s{further}")
+        grey = f"; grey: {now.name_of(further)}" if seconds[-1] > moved.seconds else ""
+        canvas.heading(figure, f"{lib.name}, {moved.name}, {moved.seconds:.3g} s{grey}")
 
 
 OF_WALK = ("trajectory", "robot", "yes", "friction", "cutoff", "more", "as_json")
@@ -305,13 +304,16 @@ class Situation:
 
     def steps(self, now: Expected, further: MotionSamples) -> tuple[accuracy.GainOfRecording, ...]:
         """Gains of recording on, with a further motion."""
-        lib, alone = self.lib, self.known.payload_only
-        name = "the same motion" if further is self.moved else further.name
+        lib, alone, name = self.lib, self.known.payload_only, self.name_of(further)
         before = now.by_name(lib, alone)
         later = (self.expected(further, s).by_name(lib, alone) for s in SECONDS)
         return tuple(
             accuracy.gained(before, after, s, name) for s, after in zip(SECONDS, later, strict=True)
         )
+
+    def name_of(self, further: MotionSamples) -> str:
+        """Name of the motion that follows."""
+        return "the same motion" if further is self.moved else further.name
 
     def _unseen(self, now: Expected) -> tuple[Array, Array]:
         """σ of the torque of motions never seen, per joint, without and with errors of gains."""

@@ -156,9 +156,7 @@ def _residual(lib: Library, rows: Samples, part: Samples, weights: Array) -> Arr
     triangle = reference_triangle(lib, part, weights, None)
     s = from_triangle(triangle, float(len(part)), lib.base_matrix, "")
     x, _ = least_squares(s.factor, s.target)
-    rigid = rows.base_rigid(lib, x[: s.n_base])
-    phi = x[s.n_base :].reshape(rows.shape)
-    return rows.tau - rigid - (rows.friction(phi) if phi.size else 0.0)
+    return rows.tau - rows.base_torque(lib, x)
 
 
 def _block_mean(values: Array, block: Array) -> Array:

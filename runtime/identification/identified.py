@@ -238,7 +238,5 @@ def torque_of(
     lib: Library, samples: Samples, pi: Array, phi: Array, learned: Learned | None = None
 ) -> Array:
     """τ̂ of a model with its friction: pi (10 n,), phi (n, k) → (N, n) [N·m, N]."""
-    tau = samples.rigid(lib, pi)
-    if phi.size:
-        tau = tau + samples.friction(phi)
+    tau = samples.rigid(lib, pi) + samples.friction(phi)
     return tau if learned is None else tau + learned(samples.columns)

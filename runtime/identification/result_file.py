@@ -68,9 +68,12 @@ def retraced(train: Recording, test: Recording) -> float:
 
 
 def warnings_of(
-    result: Identification, before: metrics.TorqueError, after: metrics.TorqueError
+    result: Identification,
+    before: metrics.TorqueError,
+    after: metrics.TorqueError,
+    sigma: Array | None = None,
 ) -> list[str]:
-    """Sentences about the limits of a result."""
+    """Sentences about the limits of a result; sigma (n, k) of `usual_phi`."""
     warnings, history = [*still_joints(result), *result.notes], result.train.history
     # Corrupt rows and warnings of the reading of the log.
     pattern = r"(^|: )(Warning: |(?=Dropped .* as corrupt))"
@@ -84,7 +87,7 @@ def warnings_of(
             "the torque is commanded by a control law, not measured: errors are shares of the "
             "commanded torque, and a wrong gain kp scales masses and friction alike"
         )
-    warnings += _of_columns(result)
+    warnings += _of_columns(result, sigma)
     if result.train.gains is not None:
         warnings += result.train.gains.sentences()
     if after.overall > max(WORSE * before.overall, SUSPICIOUSLY_GOOD):
@@ -156,12 +159,12 @@ def doubts_of(result: Identification, warnings: Iterable[str]) -> list[str]:
     return sorted(doubts, key=lambda doubt: doubt.endswith(FOLLOWS))
 
 
-def _of_columns(result: Identification) -> list[str]:
+def _of_columns(result: Identification, sigma: Array | None) -> list[str]:
     """Sentences that the records of the friction columns state about their coefficients."""
     names = [name for name in result.friction.columns if name in COLUMNS]
     if not result.phi.size or all(COLUMNS[name].sentences is None for name in names):
         return []
-    phi, sigma = result.usual_phi, friction_sigma(result)
+    phi = result.usual_phi
     spread = np.full(phi.shape, np.nan) if sigma is None else sigma
     said: list[str] = []
     for k, name in enumerate(names):
@@ -220,6 +223,7 @@ AnyResult = saved_result.SavedResult | Identification | str | PathLike[str]
 def record_of(result: Identification, command: str) -> schema.ResultRecord:
     """Record of an identification."""
     lib, law, trace = result.lib, result.train.law, result.trace
+    sigma = friction_sigma(result)
     gains = late = drives = trained = None
     if (estimated := result.train.gains) is not None:
         gains = schema.CurrentGain.from_columns(
@@ -231,14 +235,14 @@ def record_of(result: Identification, command: str) -> schema.ResultRecord:
             verdict=estimated.verdicts,
         )
     if (drive := result.drive) is not None:
-        late, sigma = drive.delay_parts(), friction_sigma(result)
+        late = drive.delay_parts()
         drives = drive.parts(lib.joint_names, result.usual_phi, sigma, result.friction.columns)
     if (fit := result.trained) is not None:
         values = schema.plain(replace(result, phi=fit.phi).usual_phi)
         trained = schema.TrainedPart(pi=schema.plain(fit.pi), friction_values=values)
     errors = torque_errors(result)
     train = compress(lib, samples_of(result.train, lib), np.ones(lib.n_joints))
-    warnings = warnings_of(result, *errors[:2])
+    warnings = warnings_of(result, *errors[:2], sigma)
     percent, rms = schema.error_parts(*errors)
     return record_about(
         *(lib, result.pi, result.lam),
@@ -260,7 +264,7 @@ def record_of(result: Identification, command: str) -> schema.ResultRecord:
         loss=result.loss,
         convex_optimum=schema.plain(result.optimum),
         weights=schema.plain(result.weights),
-        friction=_friction(result),
+        friction=_friction(result, sigma),
         convergence=None if trace is None else schema.ConvergencePart(**asdict(trace)),
         iterations=result.iterations,
         seconds=result.seconds,
@@ -447,14 +451,14 @@ def _uncertainty(result: Identification) -> schema.UncertaintyPart | None:
     )
 
 
-def _friction(result: Identification) -> schema.FrictionPart | None:
+def _friction(result: Identification, sigma: Array | None) -> schema.FrictionPart | None:
     """Columns, coefficients and intervals; None where none was fitted."""
     if not result.phi.size:
         return None
     terms, motors = result.friction, result.train.motors
     names = () if result.log_names else result.train.column_names
     interval = None  # ends, where they are finite
-    if (sigma := friction_sigma(result)) is not None:
+    if sigma is not None:
         half = NORMAL_95 * sigma
         ends = schema.plain(np.stack([result.usual_phi - half, result.usual_phi + half], axis=2))
         interval = tuple(tuple(None if None in pair else pair for pair in row) for row in ends)

@@ -14,20 +14,13 @@ over the blocks other than b, x = [β; φ] and L Lᵀ = K Σ_π Kᵀ, with the s
 prior of `map` about the URDF, and friction F_jk φ_jk of the size of the torque of its joint.
 Without them a slow log, one block of which moves as no other does, counts against every friction
 model: a joint that reverses in block b alone has its dry friction and its offset in one column of
-the others. It is solved with the columns S of the candidate alone,
-
-    G_S x_S = R_Sᵀ r,   G = D RᵀR D,   x_S ← x_S + G_S⁻¹ R_Sᵀ (r − R_S x_S)
-
-with one G of columns of length one (D). The second step removes the error of the normal equations
-(corrected semi-normal equations, Björck, Numerical Methods for Least Squares Problems, Sec. 2.9.4
-of the first edition).
+the others.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import lapack
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
@@ -36,16 +29,15 @@ from runtime.estimators.choice.friction_choice import (
     BLOCKS,
     LEAST_GAIN,
     excess_of,
-    inverse_of,
     misfit,
-    predicted,
     solved,
+    weights_by_fits,
 )
 from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
 from runtime.estimators.regression.factor import Statistics, compress
 from runtime.estimators.regression.samples import Samples, inflation, samples_of, thesis_weights
 from runtime.estimators.robust import explicit, weights_of_rows
-from runtime.library import Array, Library, Mask, require_library
+from runtime.library import Array, Library, require_library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.friction.columns import COULOMB, DAHL, LOAD, OFFSET, ROTOR, VISCOUS
@@ -55,12 +47,6 @@ from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.recording import require_recording
 from runtime.recording.settings import SPRING
 
-LEAST_CONDITION = 1e-10
-"""1/‖G_S⁻¹‖ from which on, so with singular values of R_S D above 1e-5, the corrected estimate has
-the accuracy of an orthogonal factorisation; below it the singular values decide on the rank."""
-EXACT = 1e-5
-"""Residual over target below which rounding, not noise, separates candidates: there the singular
-values decide, whose estimate has a residual as small as rounding allows."""
 STROKES = tuple(4e-4 * 4.0**k for k in range(4))  # Dahl strokes z_c that are tried first [rad, m]
 FINER_STROKES = 2.0 ** (np.arange(-2, 3) / 2)  # factors on the best of them that are tried next
 LEAST_GAIN_OF_MORE = 0.1  # share of the mean square error that a Dahl or load column must save
@@ -254,46 +240,11 @@ def _simplest(scores: Sequence[Array]) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class ColumnSolver:
-    """A factor and the Gram matrix of its columns."""
-
-    statistics: Statistics  # factor R and target r of the rows
-    gram: Array  # G, (p, p)
-    lengths: Array  # of the columns, one for a column of zeros, (p,)
-
-    def solution(self, left_out: Mask) -> Array:
-        """x = argmin ‖R x − r‖² of least length, (p,), with some entries of φ zero, (n k,)."""
-        s = self.statistics
-        kept = np.concatenate([np.ones(s.n_base, dtype=bool), ~left_out])
-        kept &= np.diagonal(self.gram) > 0
-        chosen = np.flatnonzero(kept)
-        part = self.gram[np.ix_(chosen, chosen)]
-        upper, info = lapack.dpotrf(part.T, lower=False, clean=False, overwrite_a=True)
-        # With a norm of one in place of ‖G_S‖, dpocon returns 1/‖G_S⁻¹‖.
-        if info or lapack.dpocon(upper, 1.0)[0] < LEAST_CONDITION:
-            return solved([s.without(left_out)])[0]
-        x = np.zeros(len(kept))
-        for _ in range(2):
-            misfit = s.target - s.factor @ (x / self.lengths)
-            slope = misfit @ s.factor / self.lengths
-            x[chosen] += lapack.dpotrs(upper, slope[chosen], lower=False)[0]
-        if misfit @ misfit + s.rest < EXACT**2 * (s.target @ s.target):
-            return solved([s.without(left_out)])[0]
-        return x / self.lengths
-
-
-def column_solver(statistics: Statistics) -> ColumnSolver:
-    """The solver of a factor, with its Gram matrix."""
-    matrix, lengths = statistics.unit_columns()
-    return ColumnSolver(statistics, matrix.T @ matrix, lengths)
-
-
-@dataclass(frozen=True, slots=True)
 class FrictionTrial:
     """Factors of the blocks with all columns."""
 
     blocks: tuple[Statistics, ...]  # statistics of every block
-    others: tuple[ColumnSolver, ...]  # per block, all other blocks together, with the prior
+    others: tuple[Statistics, ...]  # per block, all other blocks together, with the prior
     joints: int  # number n of joints
 
     def scores(self, columns: tuple[int, ...]) -> Array:
@@ -301,7 +252,7 @@ class FrictionTrial:
         count = (self.blocks[0].factor.shape[1] - self.blocks[0].n_base) // self.joints
         left_out = np.tile(~np.isin(np.arange(count), columns), self.joints)
         pairs = zip(self.blocks, self.others, strict=True)
-        each = [misfit(block, rest.solution(left_out)) for block, rest in pairs]
+        each = [misfit(block, solved([rest.without(left_out)])[0]) for block, rest in pairs]
         return np.array(each) / [block.n_samples * self.joints for block in self.blocks]
 
 
@@ -323,17 +274,11 @@ def trial_on(done: Recording, lib: Library, robust: bool) -> FrictionTrial:
         rows = explicit(lib, whole)
         whole = rows.weighted(weights_of_rows(lib, rows).weights)
         blocks = [whole.rows(cut) for cut in cuts]
-    weights = thesis_weights(whole.tau)
-    for _ in range(_PASSES):
-        stats = [compress(lib, block, weights) for block in blocks]
-        x, _rank = solved([stats[0].merged(*stats[1:])])
-        rests = [b.tau - predicted(lib, b, x) for b in blocks]
-        weights = inverse_of(np.mean(np.concatenate(rests) ** 2, axis=0))
+    weights, rest = weights_by_fits(lib, blocks, thesis_weights(whole.tau), _PASSES)
     stats = [compress(lib, block, weights) for block in blocks]
-    ratio = inflation(np.concatenate(rests), weights)
-    prior = _prior(lib, stats[0], whole.rows(taken), ratio)
+    prior = _prior(lib, stats[0], whole.rows(taken), inflation(rest, weights))
     without = [[s for s in stats if s is not block] for block in stats]
-    others = [column_solver(rest[0].merged(*rest[1:], prior)) for rest in without]
+    others = [rest[0].merged(*rest[1:], prior) for rest in without]
     return FrictionTrial(tuple(stats), tuple(others), lib.n_joints)
 
 

@@ -192,7 +192,7 @@ class _Trials:
         blocks = [block.rows(slice(None, None, step)) for block in whole]
         weights = thesis_weights(np.concatenate([b.tau for b in blocks]))
         x, _ = friction_choice.solved([compress(self._lib, block, weights) for block in blocks])
-        rests = [block.tau - friction_choice.predicted(self._lib, block, x) for block in blocks]
+        rests = [block.tau - block.base_torque(self._lib, x) for block in blocks]
         weights = friction_choice.inverse_of(np.concatenate(rests).var(axis=0))
         stats = [compress(self._lib, block, weights) for block in blocks]
         without = [[s for s in stats if s is not block] for block in stats]
@@ -215,8 +215,7 @@ class _Trials:
     def _errors_of(self, blocks: list[Samples], estimates: tuple[Array, ...]) -> Array:
         """Mean of (τ − τ̂)² per block and joint, with the logged τ."""
         pairs = zip(blocks, estimates, self._blocks, strict=True)
-        predicted = friction_choice.predicted
-        rests = [self._tau[rows] - predicted(self._lib, b, x) for b, x, rows in pairs]
+        rests = [self._tau[rows] - b.base_torque(self._lib, x) for b, x, rows in pairs]
         return np.array([np.mean(rest**2, axis=0) for rest in rests])
 
     def _prepared(self, cutoff_hz: float, derivative: str) -> Recording:

@@ -187,10 +187,8 @@ def reweighted(
 
 def residual(lib: Library, samples: Samples, solution: Solution) -> Array:
     """Residual τ − Y_b β − F φ, (N, n) [N·m, N]."""
-    rigid = samples.base_rigid(lib, solution.beta)
-    if solution.phi.size:
-        rigid = rigid + samples.friction(solution.phi)
-    return samples.tau - rigid
+    x = np.concatenate([solution.beta, solution.phi.ravel()])
+    return samples.tau - samples.base_torque(lib, x)
 
 
 def variance_of(residuals: Iterable[Array]) -> Array:

@@ -47,7 +47,6 @@ from runtime.excitation.motion.trajectory import read_trajectory
 from runtime.library import Array, Library
 from runtime.recording import Recording
 from runtime.recording.friction.columns import COULOMB
-from runtime.recording.friction.coupled_motors import spread
 from runtime.recording.settings import COLUMNS, names_where
 from runtime.simulation import Controller, Plant, sample_times
 from runtime.simulation.closed_loop import follow
@@ -237,7 +236,8 @@ def _instrumental(lib: Library, z: Samples, x: Samples, weights: Array) -> tuple
     product, right, squares = np.zeros((p, p)), np.zeros(p), np.zeros((n, p, p))
     for start in range(0, len(x), _BLOCK):
         part = slice(start, start + _BLOCK)
-        left, rows = (observations(lib, samples, part).transpose(1, 0, 2) for samples in (z, x))
+        both = (samples.rows(part).rows_of_unknowns(lib) for samples in (z, x))
+        left, rows = (each.transpose(1, 0, 2) for each in both)
         squares += left.transpose(0, 2, 1) @ left
         product += np.tensordot(weights, left.transpose(0, 2, 1) @ rows, 1)
         right += np.einsum("jik,ij,j->k", left, x.tau[part], weights)
@@ -261,13 +261,6 @@ def _instrumental(lib: Library, z: Samples, x: Samples, weights: Array) -> tuple
     spread = np.linalg.solve(matrix, np.tensordot(weights**2 * variance, unit, 1))
     covariance = np.linalg.solve(matrix, spread.T)
     return solution, np.sqrt(np.einsum("jkl,kl->j", unit, covariance).clip(0) / len(x))
-
-
-def observations(lib: Library, samples: Samples, part: slice) -> Array:
-    """Explicit rows [Y_b F] over β and φ, joint by joint."""
-    motion = (samples.q[part], samples.dq[part], samples.ddq[part])
-    extra = spread(samples.columns[part], samples.coupling)
-    return np.concatenate([lib.base_regressor(*motion), extra], axis=2)
 
 
 def _change(train: Samples, before: Solution, after: Solution, lib: Library) -> tuple[float, float]:

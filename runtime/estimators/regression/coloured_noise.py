@@ -72,8 +72,7 @@ def coloured_noise_of(
         directions = (statistics.factor @ root).T @ apart
 
     def basis_and_rest(samples: Samples) -> tuple[Array, Array, Array | None]:
-        rows = np.concatenate([samples.base_rows(lib), samples.friction_rows()], axis=2)
-        rows *= scale[:, None]
+        rows = samples.rows_of_unknowns(lib) * scale[:, None]
         some = None if directions is None else posterior.basis_of_joints(rows, root @ directions)
         return posterior.basis_of_joints(rows, root), rows @ fit.mean - samples.tau * scale, some
 

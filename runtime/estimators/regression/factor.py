@@ -24,7 +24,7 @@ from runtime.common.records import NotNegative, Positive
 from runtime.common.threads import computed_ahead, cores
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.posterior import ROUNDING, least_squares
-from runtime.estimators.regression.samples import THESIS_SIGMA, Samples
+from runtime.estimators.regression.samples import THESIS_SIGMA, Samples, residuals
 from runtime.library import Array, Integers, Library, Mask
 from runtime.recording.friction.model import torque as friction_torque
 
@@ -212,10 +212,7 @@ class TorqueObjective:
     def value(self, x: Array) -> float:
         """Loss L at x over all samples."""
         lam, phi = self.split(x)
-        s = self.samples
-        residual = s.rigid(self.lib, self.lib.pi_from_lam(lam)) - s.tau
-        if phi.size:
-            residual = residual + s.friction(phi)
+        residual = residuals(self.lib, self.samples, self.lib.pi_from_lam(lam), phi)
         return float(np.mean((residual**2) @ self.weights) / 2)
 
 

@@ -97,25 +97,34 @@ class Samples:
             return np.asarray(self.base @ (lib.base_matrix @ pi))
         return lib.inverse_dynamics(self.q, self.dq, self.ddq, pi)
 
-    def base_rigid(self, lib: Library, beta: Array) -> Array:
-        """Rigid-body torque Y_b β, (N, m) [N·m, N; W for rows of power]."""
+    def base_torque(self, lib: Library, x: Array) -> Array:
+        """Torque Y_b β + F φ of x = [β; φ], (N, m) [N·m, N; W for rows of power]."""
+        beta, phi = np.split(x, [len(lib.base_matrix)])
         if self.base is not None:
-            return np.asarray(self.base @ beta)
-        return lib.base_inverse_dynamics(self.q, self.dq, self.ddq, beta)
+            rigid = self.base @ beta
+        else:
+            rigid = lib.base_inverse_dynamics(self.q, self.dq, self.ddq, beta)
+        return np.asarray(rigid + self.friction(phi))
 
     def base_rows(self, lib: Library) -> Array:
         """Regressor Y_b of the base parameters, (N, m, n_b)."""
         return lib.base_regressor(self.q, self.dq, self.ddq) if self.base is None else self.base
 
     def friction(self, phi: Array) -> Array:
-        """Friction torque F φ, (N, m), from φ (n, k)."""
-        torque = friction_torque(self.columns, phi, self.coupling)
+        """Friction torque F φ, (N, m), from φ (n, k) or (n k,); 0 without coefficients."""
+        if not phi.size:
+            return np.zeros_like(self.tau)
+        torque = friction_torque(self.columns, phi.reshape(self.shape), self.coupling)
         return torque.sum(axis=1, keepdims=True) if self._is_power else torque
 
     def column_sizes(self) -> Array:
         """RMS of the friction columns by coefficient, (n, k)."""
         sizes = np.sqrt(np.mean(np.square(self.columns), axis=0))
         return sizes if self.coupling is None else self.coupling.sizes(sizes)
+
+    def rows_of_unknowns(self, lib: Library) -> Array:
+        """Rows [Y_b F] over x = [β; φ], (N, m, n_b + n k)."""
+        return np.concatenate([self.base_rows(lib), self.friction_rows()], axis=2)
 
     def friction_rows(self) -> Array:
         """Friction columns as rows F over [φ], (N, m, n k)."""
@@ -164,10 +173,7 @@ def names_of_equations(names: tuple[str, ...], count: int) -> tuple[str, ...]:
 
 def residuals(lib: Library, samples: Samples, pi: Array, phi: Array) -> Array:
     """Residuals r = Y π + F φ − τ, (N, m) [N·m, N; W for rows of power]."""
-    rest = samples.rigid(lib, pi) - samples.tau
-    if phi.size:
-        rest = rest + samples.friction(phi.reshape(samples.shape))
-    return rest
+    return samples.rigid(lib, pi) - samples.tau + samples.friction(phi)
 
 
 def noise(rest: Array, lib: Library, n_phi: int, inflation: float = 1.0) -> Array:

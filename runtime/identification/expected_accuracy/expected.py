@@ -354,22 +354,6 @@ def _percent(gain: float) -> str:
     return f"{100 * gain:.0f}"
 
 
-@dataclass(frozen=True, slots=True)
-class Growth:
-    """Standard deviations over recording time."""
-
-    robot: str  # name of the robot
-    motion: str  # name of the motion
-    links: tuple[str, ...]  # names of the links
-    seconds: Array  # recording times, (k,) s
-    recorded: float  # duration of the motion itself, s; later instants belong to `further`
-    further: str  # "the same motion", or the name of the one that follows
-    masses: Array  # σ of the link masses by MAP, (k, n) kg
-    worst: Array  # largest relative σ of a base parameter by MAP, (k,)
-    worst_name: str  # name of that base parameter at the end
-    payload: Array  # σ of the mass of a payload, (k,) kg; infinite while it is not determined
-
-
 def growth(
     lib: Library,
     moved: MotionSamples,
@@ -379,8 +363,11 @@ def growth(
     *,
     more: MotionSamples | None = None,
     until: float = 0.0,
-) -> Growth:
-    """Standard deviations at instants of a motion and after its end: noise (n,) N·m or N."""
+) -> tuple[Array, list[Expected]]:
+    """Instants of a motion and after its end (k,) [s], and what is expected at each of them.
+
+    noise (n,) [N·m, N]; after its end `more` follows, by default the same motion.
+    """
     length = moved.seconds
     within = np.geomspace(SOONEST * length, length, KNOTS)
     beyond = length + np.linspace(0.0, until, KNOTS // 2 + 1)[1:] if until else np.zeros(0)
@@ -392,20 +379,7 @@ def growth(
         else:
             statistics = whole.merged((more or moved).statistics(lib, noise, now - length))
         sigmas.append(expected(lib, statistics, known, unit, moved.columns))
-    return Growth(
-        robot=lib.name,
-        motion=moved.name,
-        links=lib.link_names,
-        seconds=np.concatenate([within, beyond]),
-        recorded=length,
-        further=more.name if more is not None else "the same motion",
-        masses=np.array([mass(links(one.pi)) for one in sigmas]),
-        worst=np.array([one.relative.max() for one in sigmas]),
-        worst_name=base_names(lib)[int(np.argmax(sigmas[-1].relative))],
-        payload=np.array(
-            [np.inf if one.payload is None else float(mass(one.payload.pi)) for one in sigmas]
-        ),
-    )
+    return np.concatenate([within, beyond]), sigmas
 
 
 TOTAL_MASS = "total mass"  # name of the mass of a robot with a free base

@@ -80,7 +80,7 @@ def _without_springs(samples: Samples, lib: Library) -> Samples:
     springs = lib.spring_columns(samples.q)
     take = slice(None, None, max(1, len(samples) // ROWS))
     few = samples.rows(take)
-    others = np.concatenate([few.base_rows(lib), few.friction_rows()], axis=2)
+    others = few.rows_of_unknowns(lib)
     others = others.reshape(-1, others.shape[2])
     target = np.concatenate([springs, samples.tau[..., None]], axis=2)[take]
     _, rest = least_squares(others, target.reshape(len(others), -1))

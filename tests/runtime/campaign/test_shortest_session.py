@@ -2,7 +2,6 @@
 
 import json
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -79,15 +78,13 @@ def test_the_expected_error_is_that_of_estimates(pendulum: Library) -> None:
         data = np.hstack([weight * z @ np.array(signals), np.zeros((4000, len(of_prior)))])
         drawn = data @ solve.T
         # 4000 draws: 2.2 % for a variance, four and a half of them.
-        got = expected.roots[name] @ expected.roots[name].T
+        got = expected[name] @ expected[name].T
         assert lib.base_matrix @ got @ lib.base_matrix.T == pytest.approx(
             lib.base_matrix @ (drawn.T @ drawn / 4000) @ lib.base_matrix.T,
             rel=0.1,
             abs=1e-3 * np.abs(lib.base_matrix @ got @ lib.base_matrix.T).max(),
         )
-    parts = expected.parts(size)
-    assert expected.total(size) == pytest.approx(np.linalg.norm(list(parts.values())), rel=1e-12)
-    assert parts[NOISE] > 0
+    assert size(NOISE, expected[NOISE]) > 0
 
 
 def test_the_shortest_session(pendulum: Library) -> None:
@@ -108,7 +105,8 @@ def test_the_shortest_session(pendulum: Library) -> None:
         lib, JoinedMotion((found.design.trajectory,) * 2, ("approach", "motion")), known, error
     )
     size = size_of(lib, found.target, lib.home, error)
-    assert twice.parts(size)[NOISE] == pytest.approx(found.parts[NOISE] / np.sqrt(2), rel=0.05)
+    noise = size(NOISE, twice[NOISE])
+    assert noise == pytest.approx(found.parts[NOISE] / np.sqrt(2), rel=0.05)
 
 
 def test_a_target_below_the_model_error(pendulum: Library) -> None:
@@ -157,5 +155,4 @@ def test_until_on_the_command_line(command: Command, tiny: Path, tmp_path: Path)
 def test_what_more_motion_cannot_reach_takes_for_ever(other: float, wanted: float) -> None:
     """Oracle: σ² = other² + noise² · whole / seconds; errors of sessions alone may exceed it."""
     noise, total = 0.5, float(np.hypot(other, 0.5))
-    errors = SimpleNamespace(parts=lambda _: {NOISE: noise}, total=lambda _: total)
-    assert _needed(errors, lambda *_: 0.0, 1.0, 10.0, 2.0) == pytest.approx(wanted)
+    assert _needed(noise, total, 1.0, 10.0, 2.0) == pytest.approx(wanted)

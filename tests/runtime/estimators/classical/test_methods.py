@@ -5,7 +5,7 @@ import pytest
 
 from runtime import Recording
 from runtime.errors import IdentificationError, SimulationError
-from runtime.estimators.literature.iv_didim import ClosedLoop, observations
+from runtime.estimators.literature.iv_didim import ClosedLoop
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
 from runtime.identification.single_log import identify_recording
@@ -66,7 +66,7 @@ def test_least_squares_recovers_the_truth(
         assert np.linalg.norm(estimated.beta - beta) < 1e-10 * np.linalg.norm(beta)
         assert estimated.phi == pytest.approx(PHI, abs=1e-10)
         samples = samples_of(estimated.train, lib)
-        rows = observations(lib, samples, slice(None))
+        rows = samples.rows_of_unknowns(lib)
         stacked = rows.reshape(-1, rows.shape[2])
         # 43 base parameters and 14 of friction.
         assert np.linalg.matrix_rank(stacked) == 57
@@ -78,7 +78,7 @@ def test_normal_equations_hold_with_noise(good_q: SimulatedCase) -> None:
     """Property: the residual of IDIM-OLS is orthogonal to every column."""
     estimated = good_q.identify("ols")
     samples = samples_of(estimated.train, good_q.lib)
-    rows = observations(good_q.lib, samples, slice(None))
+    rows = samples.rows_of_unknowns(good_q.lib)
     stacked = rows.reshape(-1, rows.shape[2])
     rest = (samples.tau - rows @ np.concatenate([estimated.beta, estimated.phi.ravel()])).ravel()
     products = stacked.T @ rest / (np.linalg.norm(stacked, axis=0) * np.linalg.norm(rest))

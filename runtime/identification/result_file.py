@@ -242,7 +242,7 @@ def record_of(result: Identification, command: str) -> schema.ResultRecord:
         trained = schema.TrainedPart(pi=schema.plain(fit.pi), friction_values=values)
     errors = torque_errors(result)
     train = compress(lib, samples_of(result.train, lib), np.ones(lib.n_joints))
-    warnings = warnings_of(result, *errors[:2], sigma)
+    warnings = warnings_of(result, errors[0], errors[1], sigma)
     percent, rms = schema.error_parts(*errors)
     return record_about(
         *(lib, result.pi, result.lam),

@@ -30,7 +30,7 @@ from runtime.monitoring.observation import Detector, both_torques, observe, sign
 from runtime.monitoring.observer import PAUSE_S, RELEASE
 from runtime.recording import Recording
 from runtime.recording.friction.model import LARGE_DAY
-from runtime.recording.recording import joint_motion_of
+from runtime.recording.recording import motion_for
 
 PEAKS = 100
 """Largest number k of peaks per joint to which a tail is fitted: with more, the body of the
@@ -222,7 +222,7 @@ def on_other_days(
     """
     changed = []
     for log in logs:
-        parts = model.session_features(joint_motion_of(log, model.terms.columns, lib))[:, :, 1:]
+        parts = model.session_features(motion_for(log, model.terms.columns, lib))[:, :, 1:]
         place = (log.t - log.t[0]) / DAY_S
         first = place.astype(int)
         draws = LARGE_DAY * rng.normal(size=(first[-1] + 2, *parts.shape[1:]))

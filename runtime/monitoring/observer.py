@@ -33,7 +33,7 @@ from runtime.monitoring.model import AnyModel, MonitoredModel, model_of
 from runtime.recording import Recording
 from runtime.recording.preprocessing.filters import scipy_signal
 from runtime.recording.preprocessing.segments import segments
-from runtime.recording.recording import joint_motion_of
+from runtime.recording.recording import motion_for
 from runtime.recording.settings import JointMotion
 
 BANDWIDTH = 100.0  # K_O of the observer unless it is stated [1/s]
@@ -220,7 +220,7 @@ def windows(
 ) -> Iterator[tuple[slice, JointMotion, Array]]:
     """Rows of every segment that end a window, and means over it of the motion and of τ."""
     steps, tau = settings.steps, log.required("tau")
-    whole = joint_motion_of(log, model.terms.columns, lib)
+    whole = motion_for(log, model.terms.columns, lib)
     for part in segments(log.t):
         if part.stop - part.start <= steps + 1:
             continue

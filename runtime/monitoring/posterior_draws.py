@@ -23,7 +23,7 @@ from runtime.estimators.convex.newton import convex_problem, solve
 from runtime.estimators.regression.factor import Reduced
 from runtime.identification.posterior_file import SavedPosterior
 from runtime.identification.saved_result import SavedResult
-from runtime.library import Array, Library
+from runtime.library import Array, Library, Mask
 from runtime.recording.settings import names_where
 
 TRAJECTORIES = 12  # Hamiltonian trajectories of each chain
@@ -70,12 +70,16 @@ class _Density:
     def energy(self, z: Array) -> Array:
         """U of every chain, (N,); infinite where a link is not consistent."""
         pi = self.pi(z)
-        values = np.linalg.eigvalsh(self.bodies.pseudo_inertia(pi.ravel()))
-        inside = (values[:, 0] > 0).reshape(len(z), -1).all(axis=1)
+        values, inside = self.consistency(pi)
         log_det = np.log(np.maximum(values, 1e-300)).sum(axis=1).reshape(len(z), -1).sum(axis=1)
         misfit = pi @ self.rows.T - self.target
         cost = np.einsum("ij,ij->i", misfit, misfit) / 2
         return np.where(inside, cost + self.kappa * (pi @ self.prior.slope - log_det), np.inf)
+
+    def consistency(self, pi: Array) -> tuple[Array, Mask]:
+        """Eigenvalues of all P_k, (N n, 4), and whether each model (N, 10 n) is consistent."""
+        values = np.asarray(np.linalg.eigvalsh(self.bodies.pseudo_inertia(pi.ravel())), float)
+        return values, np.asarray((values[:, 0] > 0).reshape(len(pi), -1).all(axis=1))
 
     def slope(self, z: Array) -> Array:
         """∂U/∂z, (N, 10 n); outside the cone that of −log |det P|."""
@@ -182,8 +186,7 @@ def _with_error(
         for _ in range(REDRAWS):
             factor = rng.standard_normal(len(pending))
             moved = pi[pending] + factor[:, None] * error
-            values = np.linalg.eigvalsh(density.bodies.pseudo_inertia(moved.ravel()))
-            inside = (values[:, 0] > 0).reshape(len(pending), -1).all(axis=1)
+            _, inside = density.consistency(moved)
             pi[pending[inside]], factors[pending[inside], k] = moved[inside], factor[inside]
             pending = pending[~inside]
             if not pending.size:

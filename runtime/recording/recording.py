@@ -357,7 +357,7 @@ def complete_arrays(recording: Recording, *keys: str) -> dict[str, Array]:
     return dense
 
 
-def joint_motion_of(recording: Recording, columns: Iterable[str], lib: Library | None) -> JointMotion:
+def motion_for(recording: Recording, columns: Iterable[str], lib: Library | None) -> JointMotion:
     """Motion with the further signals that some friction columns need, where it has them."""
     signals = {each: recording.signal(each) for each in signals_for(columns)}
     present = {each: values for each, values in signals.items() if values is not None}

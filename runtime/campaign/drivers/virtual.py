@@ -129,7 +129,7 @@ class VirtualDriver(Driver):
 
     def stop(self) -> None:
         """Hold the present position by the controller until the arm is at rest."""
-        here = self._plant.restored(np.array(self._plant.q))
+        here = self.position
         still = np.zeros(self.lib.n_joints)
         for _ in range(round(_BRAKE_S * self.rate_hz)):
             self._advance(*self._now, Reference(here, still, still))
@@ -170,10 +170,9 @@ class VirtualDriver(Driver):
         command = plant.sorted(np.clip(tau, -self._effort, self._effort))
         now_q, now_dq, h = plant.q, plant.dq, plant.step_s
         rotor = plant.sorted(s.rotor)
-        at = np.zeros(lib.n_joints)  # of a fault, 1 at its joint
-        if self._fault is not None:
-            at[self._fault.joint] = 1.0
-        at, is_stuck = plant.sorted(at), self._has("stuck")
+        joint = -1 if self._fault is None else self._fault.joint
+        at = plant.sorted(1.0 * (np.arange(lib.n_joints) == joint))  # of a fault
+        is_stuck = self._has("stuck")
         push = at * self._fault.size if self._fault and self._has("collision") else 0.0
         link = self._link
         for j in range(self._substeps):

@@ -32,6 +32,7 @@ from runtime.estimators.choice.friction_choice import (
     misfit,
     solved,
     weights_by_fits,
+    with_width,
 )
 from runtime.estimators.convex.entropic_prior import CAD, bodies_of, prior_of
 from runtime.estimators.regression.factor import Statistics, compress
@@ -45,7 +46,7 @@ from runtime.recording.friction.model import unresolved, without_columns
 from runtime.recording.preprocessing import prepare
 from runtime.recording.preprocessing.parts import before_test
 from runtime.recording.recording import require_recording
-from runtime.recording.settings import SPRING
+from runtime.recording.settings import SPRING, widths_of
 
 STROKES = tuple(4e-4 * 4.0**k for k in range(4))  # Dahl strokes z_c that are tried first [rad, m]
 FINER_STROKES = 2.0 ** (np.arange(-2, 3) / 2)  # factors on the best of them that are tried next
@@ -59,6 +60,7 @@ DEFAULT_COLUMNS = tuple(each.name for each in (OFFSET, VISCOUS, COULOMB, ROTOR))
 """Columns of the candidates without memory."""
 MEMORY = DAHL.name  # column that replaces "coulomb" where friction depends on the path
 LOADED = LOAD.name  # beside "coulomb" or "dahl" of gears whose dry friction grows with load
+SPEED, STROKE = "coulomb_speed", "dahl_stroke"  # widths of terms
 SPRINGS = SPRING  # word for columns of all springs of unknown stiffness, which every candidate has
 USABLE = (*DEFAULT_COLUMNS, MEMORY, LOADED, SPRINGS)  # columns of a method that can use all of them
 UNKNOWN = 1e3  # factor on the spread of the prior of robots whose URDF states no masses
@@ -115,26 +117,22 @@ def choose_default_friction(
     beside = (OFFSET.name, VISCOUS.name, ROTOR.name)
     shared = (*(name for name in beside if name in allowed), *springs)
 
-    def trial_of(*terms: Friction) -> FrictionTrial:
-        return trial_on(prepare(bare, preparation, Friction(shared), *terms, lib=lib), lib, robust)
+    def trial_of(*further: Friction) -> FrictionTrial:
+        terms = (Friction(shared), *further)
+        return trial_on(prepare(bare, preparation, *terms, lib=lib), terms, lib, robust)
 
     speeds = np.array(SPEEDS if coulomb_speed is None else (coulomb_speed,))
     try:
-        trial = trial_of(*_coulomb(speeds))
-        speed = float(speeds[0])
+        trial, speed = _at_widths(trial_of, shared, COULOMB.name, SPEED, speeds)
         if COULOMB.name in allowed and coulomb_speed is None:
-            speeds = _best_width(trial, len(shared), speeds) * FINER
-            trial = trial_of(*_coulomb(speeds))
-            speed = _best_width(trial, len(shared), speeds)
+            trial, speed = _at_widths(trial_of, shared, COULOMB.name, SPEED, speed * FINER)
     except IdentificationError as fault:
         return DefaultFriction(Friction(()), (), f"no friction was fitted: {fault}")
-    width = len(shared) + int(np.argmin(np.abs(np.log(speeds / speed))))
     kinds = [name for name in DEFAULT_COLUMNS[:-1] if name in allowed]
     stages = [tuple(kinds[:k]) for k in range(len(kinds) + 1)]
     rotors = [(), (ROTOR.name,)][: 1 + (ROTOR.name in allowed)]
     candidates = [(*stage, *rotor, *springs) for stage in stages for rotor in rotors]
-    places = {name: place for place, name in enumerate(shared)} | {COULOMB.name: width}
-    scores = [trial.scores(tuple(places[name] for name in each)) for each in candidates]
+    scores = [trial.scores(Friction(each, speed)) for each in candidates]
     chosen = _simplest(scores)
     usual = Friction(candidates[chosen])
     if COULOMB.name in candidates[chosen]:
@@ -149,7 +147,7 @@ def choose_default_friction(
             )
             usual = with_memory
     if LOADED in allowed and {COULOMB.name, MEMORY} & set(usual.columns):
-        usual, share, score = _with_load(trial_of, shared, usual)
+        usual, share, score = _with_load(trial_of, usual)
         if share:
             candidates.append(usual.columns)
             scores.append(score)
@@ -165,53 +163,37 @@ def choose_default_friction(
     return DefaultFriction(usual, tuple(listed), sentence)
 
 
-def _coulomb(speeds: Array) -> list[Friction]:
-    return [Friction((COULOMB.name,), float(speed)) for speed in speeds]
-
-
 def _with_memory(
     trial_of: Callable[..., "FrictionTrial"], shared: tuple[str, ...], usual: Friction
 ) -> tuple[Friction | None, float]:
     """The model with a Dahl column in place of the Coulomb column, if it predicts much better."""
-    coulomb = Friction((COULOMB.name,), usual.coulomb_speed)
-    plain = tuple(k for k, name in enumerate(shared) if name != ROTOR.name)
-    geared = (*plain, shared.index(ROTOR.name)) if ROTOR.name in shared else plain
-    before = tuple(k for k, name in enumerate(shared) if name in usual.columns)
-    strokes, share, columns = np.array(STROKES), 0.0, plain
-    one = np.ones(1)
+    plain = (*(name for name in shared if name != ROTOR.name), MEMORY)
+    kinds = [plain, (*plain, ROTOR.name)][: 1 + (ROTOR.name in shared)]
+    strokes, share, one = np.array(STROKES), 0.0, np.ones(1)
     for factors in (FINER_STROKES, one, one):  # grid, finer grid, columns at the best stroke
-        terms = [Friction((MEMORY,), dahl_stroke=float(stroke)) for stroke in strokes]
-        trial = trial_of(*terms, coulomb)
-        without = trial.scores((*before, len(shared) + len(strokes)))
-        best = _best_width(trial, len(shared), strokes)
-        place = len(shared) + int(np.argmin(np.abs(np.log(strokes / best))))
-        scores = [trial.scores((*each, place)) for each in (plain, geared)]
-        columns = (plain, geared)[_simplest(scores)]
-        ratio = _saved_share(without, trial.scores((*columns, place)))
+        coulomb = replace(usual, columns=(COULOMB.name,))
+        trial, best = _at_widths(trial_of, shared, MEMORY, STROKE, strokes, coulomb)
+        models = [Friction(each, dahl_stroke=best) for each in kinds]
+        scores = [trial.scores(each) for each in models]
+        chosen = _simplest(scores)
+        ratio = _saved_share(trial.scores(usual), scores[chosen])
         if not ratio:
             return None, 0.0
         share, strokes = 1.0 - np.sqrt(1.0 - ratio), best * factors
-    names = tuple(shared[k] for k in columns)
-    dry = tuple(name for name in names if name != ROTOR.name)
-    rotor = (ROTOR.name,) if ROTOR.name in names else ()
-    return Friction((*dry, MEMORY, *rotor), dahl_stroke=float(strokes[0])), float(share)
+    return models[chosen], float(share)
 
 
 def _with_load(
-    trial_of: Callable[..., "FrictionTrial"], shared: tuple[str, ...], usual: Friction
+    trial_of: Callable[..., "FrictionTrial"], usual: Friction
 ) -> tuple[Friction, float, Array]:
     """The model with a column of the load, the share of the error it saves, else 0, and scores."""
     dry = next(name for name in usual.columns if name in {COULOMB.name, MEMORY})
-    kept = tuple(k for k, name in enumerate(shared) if name in usual.columns)
-    trial = trial_of(replace(usual, columns=(dry,)), replace(usual, columns=(LOADED,)))
-    without = trial.scores((*kept, len(shared)))
-    scores = trial.scores((*kept, len(shared), len(shared) + 1))
-    ratio = _saved_share(without, scores)
-    if not ratio:
-        return usual, 0.0, without
     place = usual.columns.index(dry) + 1
-    columns = (*usual.columns[:place], LOADED, *usual.columns[place:])
-    return replace(usual, columns=columns), 1.0 - np.sqrt(1.0 - ratio), scores
+    loaded = replace(usual, columns=(*usual.columns[:place], LOADED, *usual.columns[place:]))
+    trial = trial_of(replace(usual, columns=(dry, LOADED)))
+    scores = trial.scores(loaded)
+    ratio = _saved_share(trial.scores(usual), scores)
+    return (loaded, 1.0 - np.sqrt(1.0 - ratio), scores) if ratio else (usual, 0.0, scores)
 
 
 def _saved_share(without: Array, scores: Array) -> float:
@@ -221,10 +203,18 @@ def _saved_share(without: Array, scores: Array) -> float:
     return 0.0 if share < LEAST_GAIN_OF_MORE or saved < error else share
 
 
-def _best_width(trial: "FrictionTrial", shared: int, speeds: Array) -> float:
-    """ε or z_c with the smallest error of the richest model: vertex of a parabola at the best."""
-    scores = [float(trial.scores((*range(shared), shared + k)).mean()) for k in range(len(speeds))]
-    return minimum_on_grid(speeds, scores)
+def _at_widths(
+    trial_of: Callable[..., "FrictionTrial"],
+    shared: tuple[str, ...],
+    name: str,
+    key: str,
+    widths: Array,
+    *others: Friction,
+) -> tuple["FrictionTrial", float]:
+    """Trial of a column at every width, and the width with the smallest error of all columns."""
+    trial = trial_of(*(with_width(Friction((name,)), key, each) for each in widths), *others)
+    richest = [with_width(Friction((*shared, name)), key, each) for each in widths]
+    return trial, minimum_on_grid(widths, [float(trial.scores(each).mean()) for each in richest])
 
 
 def _simplest(scores: Sequence[Array]) -> int:
@@ -243,21 +233,32 @@ def _simplest(scores: Sequence[Array]) -> int:
 class FrictionTrial:
     """Factors of the blocks with all columns."""
 
+    columns: tuple[tuple[str, Friction], ...]  # name of every column, and terms with its width
     blocks: tuple[Statistics, ...]  # statistics of every block
     others: tuple[Statistics, ...]  # per block, all other blocks together, with the prior
     joints: int  # number n of joints
 
-    def scores(self, columns: tuple[int, ...]) -> Array:
-        """Mean square error of every block, predicted by the others with some of the columns."""
-        count = (self.blocks[0].factor.shape[1] - self.blocks[0].n_base) // self.joints
-        left_out = np.tile(~np.isin(np.arange(count), columns), self.joints)
+    def scores(self, model: Friction) -> Array:
+        """Mean square error of every block, predicted by the others with a model."""
+        chosen = [self._place(name, model) for name in model.columns]
+        left_out = np.tile(~np.isin(np.arange(len(self.columns)), chosen), self.joints)
         pairs = zip(self.blocks, self.others, strict=True)
         each = [misfit(block, solved([rest.without(left_out)])[0]) for block, rest in pairs]
         return np.array(each) / [block.n_samples * self.joints for block in self.blocks]
 
+    def _place(self, name: str, model: Friction) -> int:
+        """Column of a name whose width is the nearest to that of a model."""
+        places = [k for k, (each, _) in enumerate(self.columns) if each == name]
+        for width in widths_of((name,)):
+            ratios = [getattr(self.columns[k][1], width) / getattr(model, width) for k in places]
+            places = [places[int(np.argmin(np.abs(np.log(ratios))))]]
+        return places[0]
 
-def trial_on(done: Recording, lib: Library, robust: bool) -> FrictionTrial:
-    """Compressed blocks of a prepared recording, weighted by the noise of the joints."""
+
+def trial_on(
+    done: Recording, terms: Sequence[Friction], lib: Library, robust: bool
+) -> FrictionTrial:
+    """Compressed blocks of a recording prepared with terms, weighted by the noise of the joints."""
     if done.columns is not None and done.tau is not None:
         done = without_columns(done, unresolved(done.columns, done.tau))
     whole = samples_of(done, lib)
@@ -279,7 +280,8 @@ def trial_on(done: Recording, lib: Library, robust: bool) -> FrictionTrial:
     prior = _prior(lib, stats[0], whole.rows(taken), inflation(rest, weights))
     without = [[s for s in stats if s is not block] for block in stats]
     others = [rest[0].merged(*rest[1:], prior) for rest in without]
-    return FrictionTrial(tuple(stats), tuple(others), lib.n_joints)
+    columns = tuple((name, each) for each in terms for name in each.columns)
+    return FrictionTrial(columns, tuple(stats), tuple(others), lib.n_joints)
 
 
 def _prior(lib: Library, like: Statistics, samples: Samples, ratio: float) -> Statistics:

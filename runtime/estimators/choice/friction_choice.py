@@ -256,7 +256,7 @@ class _Trial:
         key, grid = WIDTHS[column]
 
         def score(log_width: float) -> float:
-            return float(self.score(_with(terms, key, log_width))[0].mean())
+            return float(self.score(with_width(terms, key, np.exp(log_width)))[0].mean())
 
         logs = np.log(grid)
         scores = [] if near else [score(x) for x in logs]
@@ -265,7 +265,7 @@ class _Trial:
         low, high = max(best - step, logs[0]), min(best + step, logs[-1])
         search = {"bounds": (low, high), "method": "bounded", "options": {"xatol": _WIDTH}}
         x = float(minimize_scalar(score, **search).x)
-        return _with(terms, key, x if score(x) < score(best) else best)
+        return with_width(terms, key, np.exp(x if score(x) < score(best) else best))
 
     def score(self, terms: Friction) -> tuple[Array, float, int]:
         """Score per block, AIC, and the number of parameters that the data determine."""
@@ -289,6 +289,7 @@ def _noise(lib: Library, blocks: list[Samples]) -> tuple[Array, float]:
     return weights, coloured_noise_of(lib, blocks, first.merged(*others), weights).inflation
 
 
-def _with(terms: Friction, key: str, log_width: float) -> Friction:
-    width: dict[str, Any] = {key: float(np.exp(log_width))}
-    return replace(terms, **width)
+def with_width(terms: Friction, key: str, width: float) -> Friction:
+    """Terms with another width."""
+    changed: dict[str, Any] = {key: float(width)}
+    return replace(terms, **changed)

@@ -29,7 +29,7 @@ from runtime.estimators.convex.entropic_prior import Prior, bodies_of, prior_of
 from runtime.estimators.convex.newton import DECREMENT, ConvexProblem, solved_cone, svec, task_of
 from runtime.estimators.methods import Method
 from runtime.estimators.problem import Bounds, Fit, Problem, bounds_of, notes_of, within_bounds
-from runtime.estimators.regression.factor import Reduced, Statistics, reduce
+from runtime.estimators.regression.factor import Elimination, Reduced, Statistics, reduce
 from runtime.library import Array, Library
 from runtime.library.compiled_descent import CompiledConvex
 from runtime.library.parameters import N_PARAMETERS, pi_from_parts
@@ -129,9 +129,11 @@ def convex_optimum(
 
     Where the path drifts to implausible bodies its certificate is weak, and Clarabel solves it.
     """
+    prior = prior_of(lib, first_guess)
 
     def solved(part: Statistics) -> tuple[Array, Array, ConvexOptimum]:
-        best = _best(lib, part, _followed(lib, part, first_guess))
+        data, eliminated = reduce(part, lib.n_joints)
+        best = _best(lib, part, eliminated, follow_compiled(lib, data, prior))
         return best.phi, lib.base_matrix @ best.pi, best
 
     if bounds is None:
@@ -159,39 +161,28 @@ def fit_pc_ols(problem: Problem) -> Fit:
 
 def _nearest(lib: Library, statistics: Statistics, guess: Array) -> Fit:
     """First point of the path from a guess within `SLACK` of the optimum."""
-    path = _followed(lib, statistics, guess)
-    best = _best(lib, statistics, path)
+    (data, eliminated), prior = reduce(statistics, lib.n_joints), prior_of(lib, guess)
+    path = follow_compiled(lib, data, prior)
+    best = _best(lib, statistics, eliminated, path)
     near = path.nearest(SLACK, best.loss)
     if near is None:
-        path = _followed(lib, statistics, guess, FINER, MORE_STEPS)
+        path = follow_compiled(lib, data, prior, FINER, MORE_STEPS)
         near = path.nearest(SLACK, best.loss)
     pi = path.points[-1] if near is None else near
     how = "stopped before coming within" if near is None else "within"
-    _, eliminated = reduce(statistics, lib.n_joints)
     edge = lib.relative_eigenvalues(best.pi).min() < BOUNDARY
     status = f"{how} {SLACK:g} of the convex optimum {best.loss:.6g} ({best.status})"
     status += ", which lies on the boundary of consistency" if edge else ""
     return Fit(pi, eliminated.phi(pi), lib.lam_from_pi(pi), status, path.steps, optimum=best.loss)
 
 
-def _followed(
-    lib: Library,
-    statistics: Statistics,
-    guess: Array | None,
-    shrink: float = SHRINK,
-    most_steps: int = PATIENCE,
-) -> Path:
-    data, _ = reduce(statistics, lib.n_joints)
-    return follow_compiled(lib, data, prior_of(lib, guess), shrink, most_steps)
-
-
-def _best(lib: Library, statistics: Statistics, path: Path) -> ConvexOptimum:
-    pi, loss = path.points[-1], float(path.losses[-1])
+def _best(
+    lib: Library, statistics: Statistics, eliminated: Elimination, path: Path
+) -> ConvexOptimum:
     if not path.converged or path.weight > LARGEST_WEIGHT:
         return cone_optimum(lib, statistics)
-    _, eliminated = reduce(statistics, lib.n_joints)
-    phi = eliminated.phi(pi)
-    return ConvexOptimum(loss, pi, phi, path.gap, f"path of {path.steps} Newton steps")
+    pi, how = path.points[-1], f"path of {path.steps} Newton steps"
+    return ConvexOptimum(float(path.losses[-1]), pi, eliminated.phi(pi), path.gap, how)
 
 
 def cone_optimum(lib: Library, statistics: Statistics) -> ConvexOptimum:

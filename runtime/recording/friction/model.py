@@ -22,7 +22,7 @@ import numpy as np
 from runtime.errors import RecordingError
 from runtime.library import Array, Library, Mask
 from runtime.recording.friction.coupled_motors import Coupling, directions, geared, shape_of
-from runtime.recording.recording import DERIVED, Recording, joint_motion_of
+from runtime.recording.recording import DERIVED, Recording, motion_for
 from runtime.recording.settings import COLUMNS, Friction, JointMotion
 
 DRIVE = ("viscous", "coulomb", "offset", "rotor")  # names of the columns of one drive
@@ -86,7 +86,7 @@ def add_columns(
     if recording.dq is None:
         raise RecordingError("friction columns expect dq, but there is none; differentiate first")
     _require_known(terms)
-    motion = joint_motion_of(recording, (name for each in terms for name in each.columns), lib)
+    motion = motion_for(recording, (name for each in terms for name in each.columns), lib)
     terms = tuple(geared(each, recording, lib) for each in terms)
     now = tuple(
         replace(
@@ -111,7 +111,7 @@ def add_columns(
 def completed(recording: Recording, *terms: Friction) -> Recording:
     """The recording with the linear columns that `add_columns` left out, of its present motion."""
     names = tuple(name for each in terms for name in each.columns)
-    motion = joint_motion_of(recording, names, None)
+    motion = motion_for(recording, names, None)
     terms = tuple(geared(each, recording) for each in terms)
     _require_signals(motion, terms)
     others = iter(() if recording.columns is None else np.moveaxis(recording.columns, -1, 0))

@@ -25,7 +25,7 @@ from runtime.campaign.gate import EMPTY_CELL, rehearse, released, unnoticed
 from runtime.campaign.gear_friction import ArmModel, agreement_of, arm_model, smoothed
 from runtime.campaign.guards import model_error, usual_guards
 from runtime.campaign.shortest_session import Target, known_before, reached, torque_noise
-from runtime.common.files import DRAFT, json_of, replacing, write_json
+from runtime.common.files import DRAFT, json_of, write_json, write_text
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
 from runtime.excitation.limits.safety import Safety
@@ -161,8 +161,7 @@ def run_campaign(
     known = f"σ is {target.shown(sigma)}" if k else "no motion fits into the time"
     sentence = f"the target {target.text} is {how}: {known}, {k} motions, {seconds:g} s of motion"
     outcome = CampaignOutcome(is_reached, sigma, k, seconds, sentence)
-    with replacing(folder / REPORT) as file:
-        file.write(_report(folder, plan, target, outcome).encode())
+    write_text(folder / REPORT, _report(folder, plan, target, outcome))
     return outcome
 
 

@@ -23,8 +23,8 @@ from runtime.estimators.methods import METHODS
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.factor import from_triangle, reference_triangle
 from runtime.estimators.regression.posterior import least_squares
-from runtime.estimators.regression.samples import Samples
-from runtime.library import Array, Library
+from runtime.estimators.regression.samples import Samples, sums_of_groups
+from runtime.library import Array, Integers, Library
 
 LENGTH = 10
 FEWEST_BLOCKS = 20  # blocks below which their spread is not known
@@ -141,7 +141,7 @@ def explicit(lib: Library, samples: Samples) -> Samples:
     return replace(samples, base=samples.base_rows(lib), acceleration=None)
 
 
-def _sizes(base: Array, block: Array) -> Array:
+def _sizes(base: Array, block: Integers) -> Array:
     """Size of the regressor's rows in every block, the largest of all joints, over the quantile."""
     usual = np.median(np.abs(base), axis=0)
     usual = np.where(usual > 0, usual, np.sqrt(np.mean(base**2, axis=0)))
@@ -159,7 +159,6 @@ def _residual(lib: Library, rows: Samples, part: Samples, weights: Array) -> Arr
     return rows.tau - rows.base_torque(lib, x)
 
 
-def _block_mean(values: Array, block: Array) -> Array:
+def _block_mean(values: Array, block: Integers) -> Array:
     """Mean of the rows (N, m) of every block, (blocks, m)."""
-    count = np.bincount(block)
-    return np.stack([np.bincount(block, column) for column in values.T], axis=1) / count[:, None]
+    return sums_of_groups(values, block) / np.bincount(block)[:, None]

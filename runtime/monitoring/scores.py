@@ -31,7 +31,7 @@ from scipy.optimize import minimize
 from runtime.errors import IdentificationError
 from runtime.estimators.regression import coloured_noise, model_error
 from runtime.estimators.regression.posterior import APART, posterior_of
-from runtime.estimators.regression.samples import Samples
+from runtime.estimators.regression.samples import Samples, sums_of_groups
 from runtime.identification.identified import torque_of
 from runtime.library import Array, Library
 from runtime.library.manifest import torque_units
@@ -276,7 +276,8 @@ def scores_of_rows(rows: ChangedRows, root: Array) -> Scores:
     if rows.period:
         # R S̄ of a motion of R repetitions: variance of scores by residuals that return with it.
         phase = np.arange(count) % rows.period
-        again, mean = _sums(basis, phase), _sums(slow, phase) / np.bincount(phase)[:, None]
+        again = sums_of_groups(basis, phase)
+        mean = sums_of_groups(slow, phase) / np.bincount(phase)[:, None]
         returning = coloured_noise.coloured_noise_of_rows(again, mean).density
         density = max(density, float(np.sum(again**2)) / len(z) * returning)
         number = max(model_error.FEWEST, round(block[-1] * rows.period / count))
@@ -285,7 +286,7 @@ def scores_of_rows(rows: ChangedRows, root: Array) -> Scores:
     coloured = coloured_noise.ColouredNoise(
         density, (float(np.sum(rest**2)) + len(z) * density) / rest.size
     )
-    g = _sums(np.einsum("ijk,ij->ik", basis, slow), block)
+    g = sums_of_groups(np.einsum("ijk,ij->ik", basis, slow), block)
     g = g[np.bincount(block) > 0]
     meat = g.T @ g * (len(g) / max(len(g) - 1, 1))
     level = max(density, float(np.trace(meat)) / len(z))
@@ -322,13 +323,6 @@ def _robust_share(g: Array, noise: Array) -> float:
     apart = square - trace**2 / len(x)
     known = n**2 / ((n - 1) * (n + 2)) * (square - trace**2 / n) - trace**2 / len(x)
     return float(np.clip(known / apart, 0.0, ROBUST)) if apart > 0 else 0.0
-
-
-def _sums(values: Array, group: NDArray[np.int64]) -> Array:
-    """Sums of values (N, ...) by their groups."""
-    sums = np.zeros((int(group.max()) + 1, *values.shape[1:]))
-    np.add.at(sums, group, values)
-    return sums
 
 
 def _at_rest(t: Array, rests: NDArray[np.bool_]) -> list[tuple[int, slice]]:

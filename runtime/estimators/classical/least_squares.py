@@ -213,11 +213,6 @@ def weights_of(variance: Array, lib: Library) -> tuple[Array, str]:
     return 1.0 / np.maximum(variance, least), ", ".join(np.array(rows)[silent])
 
 
-def with_torque(samples: Samples, tau: Array) -> Samples:
-    """Return the same motion with another torque: tau (N, n) [N·m, N]."""
-    return replace(samples, tau=tau)
-
-
 OLS = Method(
     "ols",
     "ordinary least squares on base parameters, not always consistent (Eq. 3.7)",

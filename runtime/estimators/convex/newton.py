@@ -79,10 +79,6 @@ class ConvexProblem:
     inside: HalfSpaces | None = None  # half-spaces, or None
     free: Subspace | None = None  # subspace, or None
 
-    def weighted(self, factor: float) -> "ConvexProblem":
-        """The same problem with γ times a factor."""
-        return replace(self, gamma=factor * self.gamma)
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Minimum:
@@ -253,7 +249,7 @@ def minimise_anywhere(problem: ConvexProblem, start: Array | None = None) -> Min
     at = problem.prior.centre if plain or start is None else start
     steps = direct.steps
     for factor in factors(problem, at):
-        stage = minimise(problem.weighted(float(factor)), at)
+        stage = minimise(replace(problem, gamma=float(factor) * problem.gamma), at)
         at, steps = stage.pi, steps + stage.steps
         if not stage.converged:
             break

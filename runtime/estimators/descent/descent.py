@@ -18,7 +18,7 @@ import numpy as np
 
 from runtime.estimators.optimizers import LevenbergOptions, Outcome, Status, trace_of
 from runtime.estimators.problem import Problem
-from runtime.estimators.regression.factor import Statistics, TorqueObjective, compress_all
+from runtime.estimators.regression.factor import Statistics, TorqueObjective
 from runtime.library import Array
 from runtime.library.compiled_descent import (
     CONVERGED,
@@ -72,18 +72,6 @@ class Descent:
     def validation_loss(self, x: Array) -> float:
         """Loss of the validation samples at x."""
         return self.validation.value(self.bodies(x), self.objective.split(x)[1])
-
-
-def descent_of(
-    problem: Problem,
-    objective: TorqueObjective,
-    x0: Array,
-    cholesky: bool = False,
-    unit: float = 1.0,
-) -> Descent:
-    """Descent from x0 with the compressed samples that it needs."""
-    validation = compress_all(problem.lib, problem.samples("validation"), problem.weights)
-    return Descent(problem, objective, problem.statistics(), validation, x0, cholesky, unit)
 
 
 def least_squares(statistics: Statistics, unit: Array) -> LeastSquares:

@@ -16,7 +16,6 @@ from runtime.errors import IdentificationError
 from runtime.estimators.descent.descent import (
     STATUS,
     Descent,
-    descent_of,
     least_squares,
     levenberg_descend,
     newton_descend,
@@ -32,7 +31,7 @@ from runtime.estimators.optimizers import (
     adam,
 )
 from runtime.estimators.problem import Fit, Problem, best_friction, in_unit, mass_unit
-from runtime.estimators.regression.factor import CompressedObjective, TorqueObjective
+from runtime.estimators.regression.factor import CompressedObjective, TorqueObjective, compress_all
 from runtime.library import Array, Library
 from runtime.library.compiled_descent import AdamProblem, CompiledAdam
 
@@ -228,11 +227,14 @@ def start_of(problem: Problem, cholesky: bool = False) -> Descent:
     problem = in_unit(problem, unit)
     objective = TorqueObjective(problem.lib, problem.train, problem.weights)
     guess = problem.lib.pi_from_lam(problem.start)
-    phi = best_friction(problem.statistics(), guess, problem.train.shape)
+    statistics = problem.statistics()
+    phi = best_friction(statistics, guess, problem.train.shape)
     bodies = problem.start
     if cholesky:
         bodies = problem.lib.cholesky_from_pi(problem.lib.nearest_realisable(guess, THINNEST_AXIS))
-    return descent_of(problem, objective, objective.join(bodies, phi), cholesky, unit)
+    held = compress_all(problem.lib, problem.samples("validation"), problem.weights)
+    x0 = objective.join(bodies, phi)
+    return Descent(problem, objective, statistics, held, x0, cholesky, unit)
 
 
 def fit_of(descent: Descent, outcome: Outcome) -> Fit:

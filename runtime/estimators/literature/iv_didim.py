@@ -18,7 +18,7 @@ The file of the controller, computed torque with the URDF's model, is TOML as `s
     start = 0.0                # when it began, s of the log's clock
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -35,7 +35,6 @@ from runtime.estimators.classical.least_squares import (
     reweighted,
     solve,
     weights_of,
-    with_torque,
 )
 from runtime.estimators.methods import Method
 from runtime.estimators.problem import Fit, Origin, Problem
@@ -180,7 +179,7 @@ def fit_didim(problem: Problem, log: Origin | None = None) -> Fit:
     )
     for iteration in range(1, DIDIM_ITERATIONS + 1):
         try:
-            motion = with_torque(_along(problem, now, log, controller), train.tau)
+            motion = replace(_along(problem, now, log, controller), tau=train.tau)
         except SimulationError as error:
             if iteration == 1:
                 raise
@@ -266,7 +265,7 @@ def _instrumental(lib: Library, z: Samples, x: Samples, weights: Array) -> tuple
 def _change(train: Samples, before: Solution, after: Solution, lib: Library) -> tuple[float, float]:
     """Size of the new estimate and of its step, both as torque on the training samples."""
     step = Solution(after.beta - before.beta, after.phi - before.phi, np.nan)
-    silent = with_torque(train, np.zeros_like(train.tau))
+    silent = replace(train, tau=np.zeros_like(train.tau))
     sizes = [float(np.linalg.norm(residual(lib, silent, part))) for part in (after, step)]
     return sizes[0], sizes[1]
 

@@ -15,7 +15,6 @@ from typing import Any, Self
 import numpy as np
 
 from runtime.errors import NeedsError
-from runtime.estimators.classical.least_squares import with_torque
 from runtime.estimators.convex.map_estimate import fit_map
 from runtime.estimators.methods import Method
 from runtime.estimators.problem import Fit, Problem
@@ -146,7 +145,8 @@ def fit_neural(problem: Problem) -> Fit:
         rng = np.random.default_rng([problem.seed, round_])
         target, held = _rest(problem, data, fit), _rest(problem, unseen, fit)
         net = train(data.columns, target, unseen.columns, held, rng)
-        fit = fit_map(replace(problem, train=with_torque(data, data.tau - net(data.columns))))
+        rest = replace(data, tau=data.tau - net(data.columns))
+        fit = fit_map(replace(problem, train=rest))
     learned = int(np.sum(np.any(net.theta, axis=1)))
     left = _rest(problem, unseen, fit) - net(unseen.columns)
     status = (

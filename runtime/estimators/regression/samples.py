@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError, NeedsError
-from runtime.library import Array, Library
+from runtime.library import Array, Integers, Library
 from runtime.recording import Recording
 from runtime.recording.friction.coupled_motors import Coupling, coupling_of, shape_of, spread
 from runtime.recording.friction.model import torque as friction_torque
@@ -183,6 +183,13 @@ def noise(rest: Array, lib: Library, n_phi: int, inflation: float = 1.0) -> Arra
     """
     used = inflation * (len(lib.base_columns) + n_phi) / rest.shape[1]
     return np.asarray(np.sqrt(_power(rest) / max(len(rest) - used, 1.0)))
+
+
+def sums_of_groups(values: Array, group: Integers) -> Array:
+    """Sums of values (N, ...) by the number of their group, (groups, ...)."""
+    sums = np.zeros((int(group.max()) + 1, *values.shape[1:]))
+    np.add.at(sums, group, values)
+    return sums
 
 
 def weights_from(sigma: Array, tau: Array) -> Array:

@@ -1,5 +1,7 @@
 """classical on the common simulated plant: what every classical method must achieve."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -112,7 +114,7 @@ def test_weights_tell_the_noise_of_the_joints(lib: Library, clean: Recording) ->
 
 def test_weights_average_to_the_noise(lib: Library, clean: Recording) -> None:
     """Oracle: over 20 draws the mean weight is 1/σ² to 10 %."""
-    from runtime.estimators.classical.least_squares import reweighted, with_torque
+    from runtime.estimators.classical.least_squares import reweighted
 
     sigma = np.array([0.01, 0.5, 0.01, 0.5, 0.01, 0.5, 0.01])
     rng = np.random.default_rng(1)
@@ -120,7 +122,7 @@ def test_weights_average_to_the_noise(lib: Library, clean: Recording) -> None:
     rigid = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, lib.pi0)
     weights = []
     for _ in range(20):
-        drawn = [with_torque(samples, rigid + sigma * rng.normal(size=rigid.shape))]
+        drawn = [replace(samples, tau=rigid + sigma * rng.normal(size=rigid.shape))]
         weights.append(reweighted(lib, drawn.copy, (), None)[1])
     # One draw of 1000 samples: 4.5 % in 1/σ², 57 unknowns in 7007 rows take 1 % of it away.
     assert np.mean(weights, axis=0) * sigma**2 == pytest.approx(np.ones(7), rel=0.1)

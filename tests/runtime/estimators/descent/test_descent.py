@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from runtime.errors import LibraryError
-from runtime.estimators.descent.descent import Descent, descent_of, levenberg_descend
+from runtime.estimators.descent.descent import Descent, levenberg_descend
 from runtime.estimators.descent.fit import (
     CHUNK,
     Preset,
@@ -20,7 +20,7 @@ from runtime.estimators.descent.fit import (
 )
 from runtime.estimators.optimizers import AdamOptions, LevenbergOptions, Status, StoppingRule
 from runtime.estimators.problem import Problem
-from runtime.estimators.regression.factor import TorqueObjective
+from runtime.estimators.regression.factor import TorqueObjective, compress
 from runtime.estimators.regression.samples import Samples, thesis_weights
 from runtime.library import Library, load
 from runtime.library.compiled_descent import CompiledAdam, CompiledLevenberg
@@ -51,7 +51,9 @@ def problem(lib: Library, columns: int = 2, **changes: object) -> Problem:
 def descent(p: Problem) -> Descent:
     """From the problem's start without friction."""
     objective = TorqueObjective(p.lib, p.train, p.weights)
-    return descent_of(p, objective, objective.join(p.start, np.zeros(p.train.columns.shape[1:])))
+    held = compress(p.lib, p.validation, p.weights)
+    x0 = objective.join(p.start, np.zeros(p.train.columns.shape[1:]))
+    return Descent(p, objective, p.statistics(), held, x0)
 
 
 def both(p: Problem, preset: Preset):

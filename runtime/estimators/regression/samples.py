@@ -187,9 +187,9 @@ def noise(rest: Array, lib: Library, n_phi: int, inflation: float = 1.0) -> Arra
 
 def sums_of_groups(values: Array, group: Integers) -> Array:
     """Sums of values (N, ...) by the number of their group, (groups, ...)."""
-    sums = np.zeros((int(group.max()) + 1, *values.shape[1:]))
-    np.add.at(sums, group, values)
-    return sums
+    columns = values.reshape(len(values), -1).T
+    sums = np.stack([np.bincount(group, column) for column in columns], axis=1)
+    return np.asarray(sums.reshape(-1, *values.shape[1:]))
 
 
 def weights_from(sigma: Array, tau: Array) -> Array:

@@ -62,14 +62,6 @@ class HalfSpaces:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Subspace:
-    """Affine subspace π = origin + basis z that linear equations leave free."""
-
-    origin: Array  # (10 n,)
-    basis: Array  # (10 n, free directions)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class ConvexProblem:
     """Least squares over π with an entropic prior and optional linear constraints."""
 
@@ -77,7 +69,7 @@ class ConvexProblem:
     prior: Prior  # entropic prior of all bodies
     gamma: Array  # weight γ of the prior per body, (n,), above 0
     inside: HalfSpaces | None = None  # half-spaces, or None
-    free: Subspace | None = None  # subspace, or None
+    free: Array | None = None  # basis Z of what equations leave free, (10 n, directions), or None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,7 +93,7 @@ def convex_problem(
     prior: Prior,
     gamma: float | Array,
     inside: HalfSpaces | None = None,
-    free: Subspace | None = None,
+    free: Array | None = None,
 ) -> ConvexProblem:
     """Problem of parts that fit together: data (m, 10 n), gamma (n,) or one number."""
     bodies = prior.centre.size // N_PARAMETERS
@@ -205,11 +197,11 @@ class _Cost:
         return None
 
 
-def _solved(hessian: Array, gradient: Array, free: Subspace | None) -> Array:
+def _solved(hessian: Array, gradient: Array, free: Array | None) -> Array:
     """H⁻¹ g within the subspace; Jacobi scaling, with a ridge where Cholesky fails."""
     if free is not None:
-        inner = free.basis.T @ hessian @ free.basis
-        return np.asarray(free.basis @ _solved(inner, free.basis.T @ gradient, None))
+        inner = free.T @ hessian @ free
+        return np.asarray(free @ _solved(inner, free.T @ gradient, None))
     # Unit diagonal: kg, kg·m and kg·m² differ by orders of magnitude.
     scale = 1 / np.sqrt(np.diagonal(hessian))
     scaled = hessian * np.outer(scale, scale)
@@ -343,7 +335,7 @@ def constrained(
     if constraints.equations:
         matrix, _ = _stacked(constraints.equations, start.size)
         scaled = np.asarray(np.linalg.solve(whiten.T, matrix.T).T)  # E in whitened unknowns
-        free = Subspace(start, np.asarray(np.linalg.solve(whiten, null_space(scaled))))
+        free = np.asarray(np.linalg.solve(whiten, null_space(scaled)))
     problem = convex_problem(data, prior, gamma, inside, free)
     minimum = minimise_anywhere(problem, start)
     notes: tuple[str, ...] = ()

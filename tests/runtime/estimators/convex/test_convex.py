@@ -15,7 +15,7 @@ from runtime.estimators.convex.entropic_prior import (
     prior_from,
     prior_of,
 )
-from runtime.estimators.convex.newton import HalfSpaces, Subspace, _solved, convex_problem, minimise
+from runtime.estimators.convex.newton import HalfSpaces, _solved, convex_problem, minimise
 from runtime.estimators.regression.factor import Reduced, Statistics, compress, reduce
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Library
@@ -240,7 +240,7 @@ def test_half_spaces_and_subspaces_bind(fr3):
     total = np.zeros((1, 70))
     total[0, ::10] = 1.0
     basis = np.linalg.svd(total)[2][1:].T
-    fixed = convex_problem(data, prior, gamma, free=Subspace(prior.centre, basis))
+    fixed = convex_problem(data, prior, gamma, free=basis)
     held = minimise(fixed)
     assert held.converged
     # Rounding of sums over steps.

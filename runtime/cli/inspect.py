@@ -1,7 +1,7 @@
 """`symgen inspect LOG`: findings about a log, and a recipe that reads it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -194,9 +194,6 @@ def _facts(inspection: Inspection) -> dict[str, Any]:
         "rate_hz": recording.rate_hz if len(recording) > 1 else None,
         "files": dict(recording.source),
         "history": list(recording.history),
-        "findings": [
-            {"kind": f.kind, "level": f.level, "sentence": f.sentence, "evidence": f.evidence}
-            for f in inspection.findings
-        ],
+        "findings": [asdict(each) for each in inspection.findings],
         "recipe": recipe_text(inspection),
     }

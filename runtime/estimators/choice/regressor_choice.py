@@ -97,8 +97,8 @@ def choose_cutoff(
     if base.derivative == "measured" and recording.dq is not None:
         f_c, _ = _best({key: fit.errors for key, fit in fits.items()})
         fits[f_c, "position"] = trials.fitted(f_c, "position")
-    motion = _best({key: fit.errors for key, fit in fits.items()})
-    errors = trials.errors(*motion, {key: fit.left_out for key, fit in fits.items()})
+    blocks = trials.cut(*_best({key: fit.errors for key, fit in fits.items()}))
+    errors = {key: trials.errors_of(blocks, fit.left_out) for key, fit in fits.items()}
     return _chosen(errors, {key: fit.white for key, fit in fits.items()}, base)
 
 
@@ -186,7 +186,7 @@ class _Trials:
 
     def fitted(self, cutoff_hz: float, derivative: str) -> _Fit:
         """Fit one candidate to its rows, and predict every block with its motion."""
-        whole = self._cut(cutoff_hz, derivative)
+        whole = self.cut(cutoff_hz, derivative)
         needed = self._raw.rate_hz / (ROWS_PER_CUTOFF * cutoff_hz)
         step = max(1, int(min(needed, min(len(b) for b in whole) / FEWEST_ROWS)))
         blocks = [block.rows(slice(None, None, step)) for block in whole]
@@ -199,20 +199,14 @@ class _Trials:
         left_out = tuple(friction_choice.solved(rest)[0] for rest in without)
         noise = coloured_noise_of(self._lib, blocks, stats[0].merged(*stats[1:]), weights)
         white = min(1.0, max(1.0, needed / step) / noise.inflation)
-        return _Fit(left_out, self._errors_of(whole, left_out), white)
+        return _Fit(left_out, self.errors_of(whole, left_out), white)
 
-    def errors(
-        self, cutoff_hz: float, derivative: str, estimates: dict[_Key, tuple[Array, ...]]
-    ) -> dict[_Key, Array]:
-        """Mean square errors of all estimates per block and joint, by one candidate's motion."""
-        blocks = self._cut(cutoff_hz, derivative)
-        return {key: self._errors_of(blocks, each) for key, each in estimates.items()}
-
-    def _cut(self, cutoff_hz: float, derivative: str) -> list[Samples]:
+    def cut(self, cutoff_hz: float, derivative: str) -> list[Samples]:
+        """Blocks of the motion of one candidate."""
         whole = samples_of(self._prepared(cutoff_hz, derivative), self._lib)
         return [whole.rows(rows) for rows in self._blocks]
 
-    def _errors_of(self, blocks: list[Samples], estimates: tuple[Array, ...]) -> Array:
+    def errors_of(self, blocks: list[Samples], estimates: tuple[Array, ...]) -> Array:
         """Mean of (τ − τ̂)² per block and joint, with the logged τ."""
         pairs = zip(blocks, estimates, self._blocks, strict=True)
         rests = [self._tau[rows] - b.base_torque(self._lib, x) for b, x, rows in pairs]

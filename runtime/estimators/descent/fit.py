@@ -6,7 +6,7 @@ of the validation samples. Adam is a compiled loop; NumPy steps are its referenc
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -64,24 +64,22 @@ class Watch:
 
 
 def descend(descent: Descent, preset: Preset) -> Outcome:
-    """Descend by Adam, in the compiled loop if there is one, else by the reference."""
-    if not descent.problem.lib.descends:
-        return descend_by_steps(descent, preset)
+    """Descend by Adam on one problem."""
     return descend_many([descent], preset)[0]
 
 
 def descend_many(
     descents: Sequence[Descent], preset: Preset, threads: int = 1, watch: Watch | None = None
 ) -> list[Outcome]:
-    """Descend by Adam on many problems of one robot, on threads, each as by `descend`."""
+    """Descend by Adam on many problems of one robot, on threads, or by the reference."""
     lib, rule, batch = descents[0].problem.lib, preset.rule, preset.batch
-    if batch is not None and any(d.problem.train.coupling is not None for d in descents):
-        # The compiled loop takes columns of one joint each.
+    are_coupled = any(d.problem.train.coupling is not None for d in descents)
+    if not lib.descends or (batch is not None and are_coupled):
+        # No compiled loop, or columns of several joints, which it does not take.
         return [descend_by_steps(d, preset) for d in descents]
-    options = {key: getattr(rule, key) for key in ("threshold", "validate_every", "patience")}
-    options |= {"rate": preset.adam.learning_rate, "epsilon": preset.adam.epsilon}
-    options |= {"beta1": preset.adam.beta1, "beta2": preset.adam.beta2}
-    traces = rule.max_iterations // rule.validate_every + 1
+    options = asdict(rule) | asdict(preset.adam)
+    options["rate"] = options.pop("learning_rate")
+    traces = options.pop("max_iterations") // rule.validate_every + 1
     problems = [_adam_problem(d, batch) for d in descents]
     jobs = CompiledAdam(lib.binding, problems, options, traces, batch or 0)
     draws = [np.random.default_rng(d.problem.seed) for d in descents]
@@ -213,8 +211,6 @@ def fit_many(
     count = threads or cores()
     if not problems:
         return []
-    if not problems[0].lib.descends:
-        return [fit_adam(problem, preset) for problem in problems]
     with ThreadPoolExecutor(count) as pool:
         descents = list(pool.map(start_of, problems))
     outcomes = descend_many(descents, preset, count, watch)

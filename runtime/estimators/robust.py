@@ -21,7 +21,7 @@ import numpy as np
 from runtime.errors import IdentificationError, NeedsError
 from runtime.estimators.methods import METHODS
 from runtime.estimators.problem import Problem
-from runtime.estimators.regression.factor import from_triangle, reference_triangle
+from runtime.estimators.regression.factor import compress
 from runtime.estimators.regression.posterior import least_squares
 from runtime.estimators.regression.samples import Samples, sums_of_groups
 from runtime.library import Array, Integers, Library
@@ -102,7 +102,8 @@ def weights_of_rows(lib: Library, rows: Samples) -> RowWeights:
     def fitted(weights: Array, spread: Array) -> tuple[Array, Array]:
         """σ_j of the residuals (n,), and their RMS in every block over it, (blocks, n)."""
         part = rows.rows(few).weighted(weights[block[few]])
-        rest = _residual(lib, rows, part, 1.0 / spread**2)
+        known = compress(lib, part, 1.0 / spread**2)
+        rest = rows.tau - rows.base_torque(lib, least_squares(known.factor, known.target)[0])
         sigma = NORMAL * np.median(np.abs(rest), axis=0)
         spread = np.maximum(sigma, 1e-9 * max(float(sigma.max()), 1e-300))
         return spread, np.sqrt(_block_mean((rest / spread) ** 2, block))
@@ -149,14 +150,6 @@ def _sizes(base: Array, block: Integers) -> Array:
     sizes = np.sqrt(_block_mean(np.sum(unit**2, axis=2), block))
     high = np.quantile(sizes, 0.9, axis=0)
     return np.asarray((sizes / np.where(high > 0, high, 1.0)).max(axis=1).clip(1e-9))
-
-
-def _residual(lib: Library, rows: Samples, part: Samples, weights: Array) -> Array:
-    """Residual of all rows for the least squares of some of them."""
-    triangle = reference_triangle(lib, part, weights, None)
-    s = from_triangle(triangle, float(len(part)), lib.base_matrix, "")
-    x, _ = least_squares(s.factor, s.target)
-    return rows.tau - rows.base_torque(lib, x)
 
 
 def _block_mean(values: Array, block: Integers) -> Array:

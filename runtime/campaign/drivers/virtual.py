@@ -123,8 +123,7 @@ class VirtualDriver(Driver):
         if self._has("dead"):
             self._time += TIMEOUT
             raise NoSampleError(f"expected a sample within {TIMEOUT:g} s, got none")
-        self._advance(*self._now, reference)
-        self._now = self._read()
+        self._advance(reference)
         return self._sample(*self._now)
 
     def stop(self) -> None:
@@ -132,8 +131,7 @@ class VirtualDriver(Driver):
         here = self.position
         still = np.zeros(self.lib.n_joints)
         for _ in range(round(_BRAKE_S * self.rate_hz)):
-            self._advance(*self._now, Reference(here, still, still))
-            self._now = self._read()
+            self._advance(Reference(here, still, still))
 
     @property
     def position(self) -> Array:
@@ -162,9 +160,9 @@ class VirtualDriver(Driver):
         q, dq = (plant.restored(np.array(part)) for part in seen)
         return q, dq
 
-    def _advance(self, q: Array, dq: Array, reference: Reference) -> None:
-        """Computed torque with the bodies of the URDF for one period."""
-        s, lib, plant = self._settings, self.lib, self._plant
+    def _advance(self, reference: Reference) -> None:
+        """Computed torque with the bodies of the URDF for one period, and the state at its end."""
+        s, lib, plant, (q, dq) = self._settings, self.lib, self._plant, self._now
         u = reference.ddq + s.damping * (reference.dq - dq) + s.stiffness * (reference.q - q)
         tau = lib.inverse_dynamics(q, dq, u, lib.pi0) + s.rotor * u + lib.known_torque(q)
         command = plant.sorted(np.clip(tau, -self._effort, self._effort))
@@ -189,6 +187,7 @@ class VirtualDriver(Driver):
         self._time += 1 / self.rate_hz
         if not np.isfinite(now_q).all():
             raise SimulationError("the virtual robot diverged; lower the gains of its controller")
+        self._now = self._read()
 
     def _sample(self, q: Array, dq: Array) -> Sample:
         sensors = self._settings.sensors

@@ -41,7 +41,7 @@ from runtime.identification.result_file import NewResult, write_result
 from runtime.identification.result_record import ResultRecord
 from runtime.identification.result_tables import error_table, share_table, tested_on
 from runtime.identification.settings import AUTO, Settings
-from runtime.identification.statistics_file import statistics_of, unit_statistics, write_statistics
+from runtime.identification.statistics_file import statistics_of, write_statistics
 from runtime.library import Library
 from runtime.outputs.model_files.export import write_urdf
 from runtime.outputs.report.report import left_out_table, write_report
@@ -296,12 +296,7 @@ def _written(result: NewResult, folder: Path, given: IdentifySettings) -> list[s
         (folder / "report.html").unlink(missing_ok=True)
     if given.save_statistics:
         name = folder.resolve().name
-        if isinstance(result, Identification):
-            known = statistics_of(result, name)
-        else:
-            data, terms = result.written_posterior.information, result.friction
-            known = unit_statistics(result.lib, name, data, terms, terms.columns)
-        write_statistics(known, folder / STATISTICS)
+        write_statistics(statistics_of(result, name), folder / STATISTICS)
         lines.append(f"statistics: {folder / STATISTICS}")
     else:
         (folder / STATISTICS).unlink(missing_ok=True)

@@ -14,6 +14,7 @@ from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.estimators.uncertainty import Uncertainty
 from runtime.identification import metrics
 from runtime.identification.drive.result import DriveFit
+from runtime.identification.posterior_file import SavedPosterior, determined
 from runtime.identification.result_record import MirroredPair, SessionsPart, error_parts, link_parts
 from runtime.identification.result_tables import error_table, link_table, parameter_columns
 from runtime.library import Array, Library
@@ -25,7 +26,7 @@ from runtime.recording.friction.model import columns as friction_columns
 from runtime.recording.friction.model import torque as friction_torque
 from runtime.recording.notebook import Framed
 from runtime.recording.row_marks import Marks
-from runtime.recording.settings import JointMotion
+from runtime.recording.settings import JointMotion, names_where
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,6 +142,41 @@ class Identification(Framed):
         if not count:
             return self.phi
         return np.hstack([self.phi[:, :-count], self.phi[:, -count:].mean(axis=1, keepdims=True)])
+
+    @property
+    def posterior(self) -> SavedPosterior | None:
+        """Posterior of π and φ; None where what it is computed from was not kept."""
+        known, logs = self.uncertainty, len(self.log_names)
+        if known is None or known.information is None:
+            return None
+        root, moved, joints = known.root, known.phi_nuisance, self.lib.n_joints
+        return SavedPosterior(known.information, self.pi, root, logs, moved, known.gains, joints)
+
+    @property
+    def friction_root(self) -> Array | None:
+        """Root of the covariance of `usual_phi`, (n k, ·); None without a posterior."""
+        posterior, phi = self.posterior, self.usual_phi
+        if posterior is None or self.learned is not None or not phi.size:
+            return None
+        _, system = posterior.reduced(self.lib)
+        if system.lengths.size != self.phi.size:
+            return None
+        difference = self.phi.ravel() - system.phi(self.pi)
+        root = np.column_stack([posterior.phi_rows(system), difference])
+        statistics = posterior.information.statistics
+        root[~determined(statistics.factor[:, statistics.n_base :])] = np.nan
+        root = posterior.usual(root)
+        # At the bound 0 of friction that cannot drive a joint.
+        bounded = names_where(lambda column: column.is_nonnegative)
+        is_bounded = np.array([name in bounded for name in self.friction.columns], dtype=bool)
+        root[(is_bounded & (phi == 0)).ravel()] = np.nan
+        return root
+
+    @property
+    def friction_sigma(self) -> Array | None:
+        """Standard deviations of `usual_phi`."""
+        root, shape = self.friction_root, self.usual_phi.shape
+        return None if root is None else np.linalg.norm(root, axis=1).reshape(shape)
 
     def predict(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
         """τ̂ = Y π + F(dq) φ, plus known torques and learned friction where there are such.

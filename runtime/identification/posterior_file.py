@@ -28,12 +28,11 @@ from runtime.estimators.convex.entropic_prior import bodies_of
 from runtime.estimators.regression.factor import Elimination, Reduced, reduce
 from runtime.estimators.regression.posterior import posterior_of
 from runtime.estimators.uncertainty import LogInformation, without_gains
-from runtime.identification.identified import Identification
 from runtime.identification.result_record import FrictionPart
 from runtime.identification.saved_result import POSTERIOR, SavedResult
 from runtime.library import Array, Library, Mask
 from runtime.recording.formats.npz import open_npz, record_from_arrays, refusing
-from runtime.recording.settings import SPRING, names_where
+from runtime.recording.settings import SPRING
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,15 +92,6 @@ class SavedPosterior:
         return np.concatenate([shared, mean], axis=1).reshape(-1, rows.shape[1])
 
 
-def posterior_of_result(result: Identification) -> SavedPosterior | None:
-    """The posterior of a result; None where what it is computed from was not kept."""
-    known, logs = result.uncertainty, len(result.log_names)
-    if known is None or known.information is None:
-        return None
-    root, moved, joints = known.root, known.phi_nuisance, result.lib.n_joints
-    return SavedPosterior(known.information, result.pi, root, logs, moved, known.gains, joints)
-
-
 def read_posterior(result: Path, saved: SavedResult, lib: Library) -> SavedPosterior:
     """Read the posterior of a result."""
     path = folder_of(result) / POSTERIOR
@@ -139,32 +129,6 @@ def read_posterior(result: Path, saved: SavedResult, lib: Library) -> SavedPoste
             f"'{path}' is damaged (its arrays do not fit together); identify again"
         )
     return replace(stored, joints=lib.n_joints)
-
-
-def friction_root(result: Identification) -> Array | None:
-    """Root of the covariance of `result.usual_phi`, (n k, ·); None without a posterior."""
-    posterior, phi = posterior_of_result(result), result.usual_phi
-    if posterior is None or result.learned is not None or not phi.size:
-        return None
-    _, system = posterior.reduced(result.lib)
-    if system.lengths.size != result.phi.size:
-        return None
-    difference = result.phi.ravel() - system.phi(result.pi)
-    root = np.column_stack([posterior.phi_rows(system), difference])
-    statistics = posterior.information.statistics
-    root[~determined(statistics.factor[:, statistics.n_base :])] = np.nan
-    root = posterior.usual(root)
-    # At the bound 0 of friction that cannot drive a joint.
-    bounded = names_where(lambda column: column.is_nonnegative)
-    is_bounded = np.array([name in bounded for name in result.friction.columns], dtype=bool)
-    root[(is_bounded & (phi == 0)).ravel()] = np.nan
-    return root
-
-
-def friction_sigma(result: Identification) -> Array | None:
-    """Standard deviations of `result.usual_phi`."""
-    root, shape = friction_root(result), result.usual_phi.shape
-    return None if root is None else np.linalg.norm(root, axis=1).reshape(shape)
 
 
 def spring_lines(friction: FrictionPart | None) -> list[str]:

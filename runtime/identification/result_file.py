@@ -11,7 +11,6 @@ import numpy as np
 
 from runtime.common.tables import significant
 from runtime.errors import IdentificationError
-from runtime.estimators.classical.pc_ols import BOUNDARY
 from runtime.estimators.contradictions import FOLLOWS
 from runtime.estimators.methods import METHODS
 from runtime.estimators.problem import NEGATIVE, NEGATIVE_CAUSE, negative_share
@@ -23,7 +22,6 @@ from runtime.identification import metrics, saved_result
 from runtime.identification import result_record as schema
 from runtime.identification.free_base.result import FreeBaseIdentification
 from runtime.identification.identified import Identification, torque_errors
-from runtime.identification.posterior_file import friction_sigma, posterior_of_result
 from runtime.library import Array, Library, load, require_library
 from runtime.library.manifest import file_units
 from runtime.recording import Preparation, Recording
@@ -32,7 +30,7 @@ from runtime.recording.preprocessing import is_filtered
 from runtime.recording.recipes.recipe import COMMANDED, Recipe
 from runtime.recording.recipes.recipe_file import recipe_text
 from runtime.recording.rest_speeds import STILL
-from runtime.recording.settings import COLUMNS, WIDTHS
+from runtime.recording.settings import COLUMNS
 
 SUSPICIOUSLY_GOOD = 1e-4  # overall error [%] below which a torque cannot come from a real sensor
 WORSE = 1.1  # error of the result over that of the URDF above which the difference is hardly chance
@@ -223,8 +221,8 @@ AnyResult = saved_result.SavedResult | Identification | str | PathLike[str]
 def record_of(result: Identification, command: str) -> schema.ResultRecord:
     """Record of an identification."""
     lib, law, trace = result.lib, result.train.law, result.trace
-    sigma = friction_sigma(result)
-    gains = late = drives = trained = None
+    sigma = result.friction_sigma
+    fit, gains, late, drives = result.trained, None, None, None
     if (estimated := result.train.gains) is not None:
         gains = schema.CurrentGain.from_columns(
             channel=estimated.channels,
@@ -237,15 +235,15 @@ def record_of(result: Identification, command: str) -> schema.ResultRecord:
     if (drive := result.drive) is not None:
         late = drive.delay_parts()
         drives = drive.parts(lib.joint_names, result.usual_phi, sigma, result.friction.columns)
-    if (fit := result.trained) is not None:
-        values = schema.plain(replace(result, phi=fit.phi).usual_phi)
-        trained = schema.TrainedPart(pi=schema.plain(fit.pi), friction_values=values)
     errors = torque_errors(result)
     train = compress(lib, samples_of(result.train, lib), np.ones(lib.n_joints))
     warnings = warnings_of(result, errors[0], errors[1], sigma)
-    percent, rms = schema.error_parts(*errors)
     return record_about(
-        *(lib, result.pi, result.lam),
+        *(lib, result.pi, result.lam, errors),
+        trained=None if fit is None else (fit.pi, replace(result, phi=fit.phi).usual_phi),
+        command=command,
+        files=dict(result.train.source),
+        seed=result.seed,
         method=result.method,
         base="fixed",
         status=result.status,
@@ -256,8 +254,6 @@ def record_of(result: Identification, command: str) -> schema.ResultRecord:
         delay_s=late,
         symmetric=result.symmetric or None,
         drive=drives,
-        torque_error_percent=percent,
-        torque_rms=rms,
         consistent=result.is_consistent,
         gap_to_convex_optimum=schema.plain(result.gap),
         uncertainty=_uncertainty(result),
@@ -271,24 +267,43 @@ def record_of(result: Identification, command: str) -> schema.ResultRecord:
         warnings=tuple(warnings),
         doubts=tuple(doubts_of(result, warnings)),
         condition_number=train.condition(),
-        trained=trained,
         sessions=result.agreement,
-        provenance=provenance_of(lib, command, dict(result.train.source), result.seed),
     )
 
 
-def record_about(lib: Library, pi: Array, lam: Array | None, **facts: Any) -> schema.ResultRecord:
-    """Record of a robot with its parameters, and the facts that belong to the kind of log."""
+def record_about(
+    lib: Library,
+    pi: Array,
+    lam: Array | None,
+    errors: Iterable[metrics.TorqueError],
+    *,
+    trained: tuple[Array, Array] | None,
+    command: str,
+    files: dict[str, str],
+    seed: int | None,
+    **facts: Any,
+) -> schema.ResultRecord:
+    """Record of a robot with its parameters, and the facts that belong to the kind of log.
+
+    `errors` are those of `torque_errors`, `trained` is π and φ of the training part, if others.
+    """
+    percent, rms = schema.error_parts(*errors)
     return schema.ResultRecord.with_gaps(
         format=schema.FORMAT,
         robot=lib.name,
         model=saved_result.model_part(lib),
         joints=lib.joint_names,
         units=tuple(file_units(lib.manifest)),
+        torque_error_percent=percent,
+        torque_rms=rms,
         links=schema.link_parts(lib, pi, lib.relative_eigenvalues(pi)),
         pi=schema.plain(pi),
         lam=schema.plain(lam),
         beta=schema.plain(lib.base_matrix @ pi),
+        trained=None if trained is None else schema.TrainedPart(*map(schema.plain, trained)),
+        provenance=schema.ProvenancePart(
+            command, lib.versions, files, lib.manifest.model_hash, seed
+        ),
         **facts,
     )
 
@@ -380,23 +395,11 @@ def files_of(result: NewResult, command: str) -> saved_result.ResultFiles:
         )
     if isinstance(result, Identification):
         record, rows = record_of(result, command), predictions_of(result)
-        posterior = posterior_of_result(result)
     else:
-        record, posterior = result.record, result.written_posterior
-        record = record.replace(provenance=record.provenance.replace(command=command))
+        record = result.record.replace(provenance=result.record.provenance.replace(command=command))
         rows = result.predictions | {"row_marks": result.row_marks}
-    arrays = None if posterior is None else arrays_of(posterior)
+    arrays = None if result.posterior is None else arrays_of(result.posterior)
     return saved_result.ResultFiles(record, rows, arrays)
-
-
-def provenance_of(
-    lib: Library, command: str, files: dict[str, str], seed: int | None
-) -> schema.ProvenancePart:
-    """How to compute a result again, with the versions of what computed it."""
-    model, used = lib.manifest.model_hash, lib.versions
-    return schema.ProvenancePart(
-        command=command, versions=used, files=files, model_hash=model, seed=seed
-    )
 
 
 def _recording(result: Identification) -> schema.RecordingPart:
@@ -431,17 +434,13 @@ def _uncertainty(result: Identification) -> schema.UncertaintyPart | None:
         return None
     test = samples_of(result.test, lib)
     band = u.band_of(lib, test.rows(slice(None, None, max(1, len(test) // BAND_SAMPLES))))
-    return schema.UncertaintyPart(
+    return schema.uncertainty_part(
+        *(lib, result.pi, u.root, u.share, u.verdicts),
         advice=u.advice(),
         n_eff=u.n_eff,
         inflation=u.inflation,
         excited=u.rank,
         weakest_direction=u.conditioning,
-        boundary=bool(np.abs(result.relative_eigenvalues).min() < BOUNDARY),
-        links=schema.link_uncertainties(u.sigma, u.com_sigma(result.pi), u.verdicts),
-        pi_sigma=schema.plain(u.sigma),
-        posterior_over_prior=schema.plain(u.share),
-        beta_sigma=schema.plain(u.beta_sigma),
         beta_verdicts=tuple(u.beta_verdicts),
         noise=schema.plain(u.noise),
         model_band=schema.plain(np.sqrt(np.mean(band**2, axis=0))),
@@ -453,21 +452,17 @@ def _uncertainty(result: Identification) -> schema.UncertaintyPart | None:
 
 def _friction(result: Identification, sigma: Array | None) -> schema.FrictionPart | None:
     """Columns, coefficients and intervals; None where none was fitted."""
-    if not result.phi.size:
-        return None
-    terms, motors = result.friction, result.train.motors
+    terms, motors, phi = result.friction, result.train.motors, result.usual_phi
     names = () if result.log_names else result.train.column_names
     interval = None  # ends, where they are finite
     if sigma is not None:
         half = NORMAL_95 * sigma
-        ends = schema.plain(np.stack([result.usual_phi - half, result.usual_phi + half], axis=2))
+        ends = schema.plain(np.stack([phi - half, phi + half], axis=2))
         interval = tuple(tuple(None if None in pair else pair for pair in row) for row in ends)
-    return schema.FrictionPart(
+    return schema.friction_part(
+        *(terms, phi, sigma),
         columns=tuple(names or terms.columns),
-        values=schema.plain(result.usual_phi),
-        **{key: getattr(terms, key) for key in WIDTHS},
         gear=terms.gear if motors is None else schema.plain(motors),
-        sigma=schema.plain(sigma),
         interval_95=interval,
         net=None if result.learned is None else result.learned.facts(),
     )

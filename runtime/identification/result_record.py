@@ -13,9 +13,12 @@ from typing import Any, Self, get_args, get_origin, get_type_hints
 import numpy as np
 
 from runtime.common.records import Record, Vector3
+from runtime.estimators.classical.pc_ols import BOUNDARY
+from runtime.estimators.convex.entropic_prior import com_sigma
 from runtime.identification.metrics import TorqueError
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, centre_of_mass, links, mass
+from runtime.recording.settings import WIDTHS, Friction
 
 FORMAT = 3  # number of the present format; a change that an older reader would misread raises it
 
@@ -404,15 +407,34 @@ def link_parts(lib: Library, pi: Array, eigenvalues: Array) -> tuple[LinkPart, .
     )
 
 
-def link_uncertainties(
-    sigma: Array, com: Sequence[Array | None], verdicts: Sequence[str]
-) -> tuple[LinkUncertainty, ...]:
-    """σ of mass and centre of mass, and verdicts on π, of every link."""
-    return LinkUncertainty.from_columns(
-        mass_sigma=sigma[::N_PARAMETERS],
-        com_sigma=[None if each is None else plain(each) for each in com],
-        verdicts=[*zip(*[iter(verdicts)] * N_PARAMETERS, strict=True)],
+def uncertainty_part(
+    lib: Library, pi: Array, root: Array, share: Array, verdicts: Sequence[str], **facts: Any
+) -> UncertaintyPart:
+    """Posterior of π by a root of its covariance, (10 L, ·), with further facts."""
+    sigma = np.linalg.norm(root, axis=1)
+    return UncertaintyPart.with_gaps(
+        boundary=bool(np.abs(lib.relative_eigenvalues(pi)).min() < BOUNDARY),
+        links=LinkUncertainty.from_columns(
+            mass_sigma=sigma[::N_PARAMETERS],
+            com_sigma=[None if each is None else plain(each) for each in com_sigma(root, pi)],
+            verdicts=[*zip(*[iter(verdicts)] * N_PARAMETERS, strict=True)],
+        ),
+        pi_sigma=plain(sigma),
+        posterior_over_prior=plain(share),
+        beta_sigma=plain(np.linalg.norm(lib.base_matrix @ root, axis=1)),
+        **facts,
     )
+
+
+def friction_part(
+    terms: Friction, phi: Array, sigma: Array | None, **facts: Any
+) -> FrictionPart | None:
+    """Columns, coefficients φ (n, k), σ and further facts; None where none was fitted."""
+    if not phi.size:
+        return None
+    widths = {key: getattr(terms, key) for key in WIDTHS}
+    usual = {"columns": terms.columns, "gear": terms.gear, "values": plain(phi)}
+    return FrictionPart(**usual | widths | {"sigma": plain(sigma)} | facts)
 
 
 def plain(values: Any) -> Any:

@@ -18,13 +18,13 @@ from runtime.common.records import Positive
 from runtime.common.user_builds import NAME
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.factor import Statistics
-from runtime.estimators.uncertainty import LogInformation
+from runtime.identification.free_base.result import FreeBaseIdentification
 from runtime.identification.identified import Identification
 from runtime.identification.saved_result import LARGEST_ACCEPTED
 from runtime.library import Array, Library
 from runtime.recording.formats.npz import open_npz, record_from_arrays, refusing, write_arrays
 from runtime.recording.friction.columns import OFFSET
-from runtime.recording.settings import WIDTHS, Friction
+from runtime.recording.settings import WIDTHS
 
 FILE = "statistics.npz"
 FORMAT = 1  # version of the file; a later one is refused
@@ -52,33 +52,25 @@ class UnitStatistics:
         return tuple(name for name, count in Counter(self.columns).items() if count == 1)
 
 
-def statistics_of(result: Identification, unit: str) -> UnitStatistics:
+def statistics_of(result: Identification | FreeBaseIdentification, unit: str) -> UnitStatistics:
     """Compressed training samples of a result."""
-    information = None if result.uncertainty is None else result.uncertainty.information
-    if information is None:
+    posterior, lib, terms, noise = result.posterior, result.lib, result.friction, None
+    if posterior is None:
         raise IdentificationError(
-            f"expected a result with an uncertainty, got one of '{result.method}' without; leave "
+            f"expected a result with an uncertainty, got one of '{lib.name}' without; leave "
             "out the setting save_statistics, or identify with certify"
         )
-    # The rows have a standard deviation where they are those of the torque.
-    prepared = result.train.prepared
-    of_torque = prepared is None or prepared.regressor == "acceleration"
-    of_torque = of_torque and result.weights.shape == (result.lib.n_joints,)
-    noise = 1 / np.sqrt(result.weights) if of_torque else None
-    return unit_statistics(result.lib, unit, information, result.friction, _columns(result), noise)
-
-
-def unit_statistics(
-    lib: Library,
-    unit: str,
-    known: LogInformation,
-    friction: Friction,
-    columns: tuple[str, ...],
-    noise: Array | None = None,
-) -> UnitStatistics:
-    """Compressed samples of a unit, whose φ are those of some columns."""
-    slow, peak, stroke = (float(getattr(friction, key)) for key in WIDTHS)
-    of_robot, widths = (lib.name, lib.joint_names), (slow, peak, stroke)
+    columns = terms.columns
+    if isinstance(result, Identification):
+        columns = _columns(result)
+        # The rows have a standard deviation where they are those of the torque.
+        prepared = result.train.prepared
+        of_torque = prepared is None or prepared.regressor == "acceleration"
+        if of_torque and result.weights.shape == (lib.n_joints,):
+            noise = 1 / np.sqrt(result.weights)
+    known, of_robot = posterior.information, (lib.name, lib.joint_names)
+    slow, peak, stroke = (float(getattr(terms, key)) for key in WIDTHS)
+    widths = slow, peak, stroke
     return UnitStatistics(known.statistics, known.density, unit, *of_robot, widths, columns, noise)
 
 

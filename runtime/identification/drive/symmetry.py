@@ -36,7 +36,6 @@ from runtime.estimators.problem import FrictionPrior
 from runtime.estimators.regression.samples import NORMAL_95, residuals, samples_of
 from runtime.identification.drive.result import places_of
 from runtime.identification.identified import Identification
-from runtime.identification.posterior_file import friction_root
 from runtime.identification.problem_setup import known_friction
 from runtime.identification.result_record import MirroredPair
 from runtime.identification.settings import Settings
@@ -79,7 +78,7 @@ def mirrored_joints(names: tuple[str, ...], pairs: tuple[str, ...]) -> tuple[tup
 
 def with_sides(result: Identification, pairs: tuple[str, ...]) -> Identification:
     """The result with its sides compared, and a note per pair that disagrees."""
-    root, phi = friction_root(result), result.usual_phi
+    root, phi = result.friction_root, result.usual_phi
     samples = samples_of(result.test, result.lib)
     rest = -residuals(result.lib, samples, result.pi, result.phi)
 

@@ -24,7 +24,7 @@ from runtime.identification.free_base import result as results
 from runtime.identification.free_base.prepared_walk import PreparedWalk, notes_on, prepared_walk
 from runtime.identification.free_base.rows import FreeBaseRows
 from runtime.identification.problem_setup import PARTS, Assembly, ShownRows
-from runtime.identification.result_file import provenance_of, record_about, stated_steps
+from runtime.identification.result_file import record_about, stated_steps
 from runtime.identification.settings import Settings
 from runtime.identification.several_logs import agreement_of
 from runtime.identification.single_log import refit_note
@@ -34,7 +34,6 @@ from runtime.recording import Preparation, Recording
 from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.recipes.recipe import COMMANDED, MEASURED
 from runtime.recording.row_marks import row_marks
-from runtime.recording.settings import WIDTHS
 
 _UNEXPLAINED = 0.5  # error over RMS of half of the rows from which a note states it
 _FAR = 3.0
@@ -78,7 +77,6 @@ def identify_free_base(
     measured, before = tested.tau, tested.rigid(lib, lib.pi0)
     after = trained.predicted(tested)
     errors = [metrics.torque_error(measured, each) for each in (before, after)]
-    percent, sizes = schema.error_parts(*errors)
     of_errors = _notes_on_errors(
         *(drives.rms(measured), errors[1].rms, fit.phi[0], data.sensors), bool(logs[0].joint_names)
     )
@@ -90,7 +88,13 @@ def identify_free_base(
     is_commanded = logs[0].is_commanded
     is_late = is_commanded or settings.delay is not None
     record = record_about(
-        *(lib, fit.pi, fit.lam),
+        *(lib, fit.pi, fit.lam, errors),
+        trained=None
+        if final is trained
+        else (trained.fit.pi, trained.fit.phi[0][places].reshape(phi.shape)),
+        command="",
+        files=_files(logs),
+        seed=None,
         method=settings.estimator.name,
         base="free",
         status=fit.status,
@@ -102,21 +106,11 @@ def identify_free_base(
         ),
         torque_source=COMMANDED if is_commanded else MEASURED,
         delay_s=_delay(data, fit, deviations) if is_late else None,
-        torque_error_percent=percent,
-        torque_rms=sizes,
         consistent=bool(lib.relative_eigenvalues(fit.pi).min() > 0),
         uncertainty=results.uncertainty_of(evidence),
-        friction=None
-        if not terms.columns
-        else schema.FrictionPart(
-            columns=terms.columns,
-            values=schema.plain(phi),
-            **{key: getattr(terms, key) for key in WIDTHS},
-            sigma=schema.plain(deviations[places].reshape(phi.shape)),
-        ),
+        friction=schema.friction_part(terms, phi, deviations[places].reshape(phi.shape)),
         symmetric=mirrored or None,
         warnings=(*fit.notes, *notes, *said, *of_errors),
-        provenance=provenance_of(lib, "", _files(logs), None),
         rows=data.rows,
         error_rows=names,
         error_units=data.units_of(names),
@@ -130,12 +124,6 @@ def identify_free_base(
         }
         or None,
         sessions=sessions,
-        trained=None
-        if final is trained
-        else schema.TrainedPart(
-            pi=schema.plain(trained.fit.pi),
-            friction_values=schema.plain(trained.fit.phi[0][places].reshape(lib.n_joints, -1)),
-        ),
     )
     return results.FreeBaseIdentification(
         *(record, fit.pi, terms, phi, preparation),

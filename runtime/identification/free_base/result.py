@@ -10,8 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from runtime.estimators import uncertainty as spreads
-from runtime.estimators.classical.pc_ols import BOUNDARY
-from runtime.estimators.convex.entropic_prior import Prior, com_sigma, prior_about
+from runtime.estimators.convex.entropic_prior import Prior, prior_about
 from runtime.estimators.problem import OF
 from runtime.estimators.regression.factor import Elimination, Reduced, Statistics, reduce
 from runtime.estimators.regression.samples import NORMAL_95, residuals
@@ -112,15 +111,11 @@ class FreeBaseIdentification(SavedResult):
 
     @property
     def posterior(self) -> SavedPosterior:
-        """Posterior of π, and of φ of sensors, drives and delay."""
-        return self.evidence.posterior
-
-    @property
-    def written_posterior(self) -> SavedPosterior:
         """Posterior of π and of the friction, without errors of sensors and the delay."""
-        known = self.posterior.information
-        known = replace(known, statistics=marginal(known.statistics, self.evidence.of_drives))
-        return replace(self.posterior, information=known, phi_nuisance=None)
+        whole, of_drives = self.evidence.posterior, self.evidence.of_drives
+        statistics = marginal(whole.information.statistics, of_drives)
+        known = replace(whole.information, statistics=statistics)
+        return replace(whole, information=known, phi_nuisance=None)
 
 
 def marginal(statistics: Statistics, kept: slice) -> Statistics:
@@ -149,12 +144,12 @@ def total_mass(evidence: Evidence) -> schema.TotalMass:
 
 def uncertainty_of(evidence: Evidence) -> schema.UncertaintyPart:
     """Posterior of π."""
-    lib, pi, root = evidence.lib, evidence.pi, evidence.posterior.pi_root
-    sigma, share = np.linalg.norm(root, axis=1), evidence.now[3].by_kappa.share
+    lib, share = evidence.lib, evidence.now[3].by_kappa.share
     verdicts = [spreads.IDENTIFIED if s < DETERMINED else spreads.PRIOR_DOMINATED for s in share]
     masses = zip(lib.link_names, verdicts[::N_PARAMETERS], strict=True)
     prior = [name for name, verdict in masses if verdict == spreads.PRIOR_DOMINATED]
-    return schema.UncertaintyPart.with_gaps(
+    return schema.uncertainty_part(
+        *(lib, evidence.pi, evidence.posterior.pi_root, share, verdicts),
         advice=f"the log hardly determines the mass of {', '.join(prior)}: measure the wrenches of "
         "its contacts, or record a motion that moves it"
         if prior
@@ -162,11 +157,6 @@ def uncertainty_of(evidence: Evidence) -> schema.UncertaintyPart:
         n_eff=evidence.statistics.n_samples / evidence.inflation,
         inflation=evidence.inflation,
         excited=len(lib.base_columns),
-        boundary=bool(np.abs(lib.relative_eigenvalues(pi)).min() < BOUNDARY),
-        links=schema.link_uncertainties(sigma, com_sigma(root, pi), verdicts),
-        pi_sigma=schema.plain(sigma),
-        posterior_over_prior=schema.plain(share),
-        beta_sigma=schema.plain(np.linalg.norm(lib.base_matrix @ root, axis=1)),
         noise=(),
         model_band=(),
         white_lag_share=(),

@@ -93,7 +93,7 @@ def arm_model(lib: Library) -> ArmModel:
 
 def arm_of_result(result: Identification) -> ArmModel:
     """An identified arm, whose errors are those of its posterior."""
-    posterior, lib, phi = posterior_file.posterior_of_result(result), result.lib, result.usual_phi
+    posterior, lib, phi = result.posterior, result.lib, result.usual_phi
     root = None if posterior is None else _root(posterior, lib, phi)
     return ArmModel(result.pi, result.friction, phi, "identified", root)
 

@@ -21,7 +21,6 @@ from runtime.estimators.regression.model_error import (
 from runtime.estimators.regression.samples import Samples
 from runtime.excitation import Trajectory
 from runtime.identification.identified import Identification
-from runtime.identification.posterior_file import friction_sigma, posterior_of_result
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.recording import Friction, Recording
@@ -58,7 +57,7 @@ def test_intervals_hold_under_torque_that_no_column_describes(
     assert first > 1.4
     assert second < 0.9 * first
     viscous = result.usual_phi[:, result.friction.columns.index("viscous")]
-    sigma = friction_sigma(result)
+    sigma = result.friction_sigma
     assert sigma is not None
     assert np.all(np.abs(viscous - 0.5) < 3 * sigma[:, result.friction.columns.index("viscous")])
 
@@ -72,7 +71,7 @@ def test_intervals_hold_under_friction_that_depends_on_the_position(
     friction = 0.5 * log.dq + 0.3 * np.tanh(log.dq / 0.02)
     tau = log.tau + 0.2 * np.sin(log.q + np.arange(lib.n_joints)) * friction
     result = identify_recording(log.replace(tau=tau), lib, friction=TERMS, gain_sigma=0)
-    sigma, column = friction_sigma(result), result.friction.columns.index("viscous")
+    sigma, column = result.friction_sigma, result.friction.columns.index("viscous")
     assert sigma is not None
     error = (result.usual_phi[:, column] - 0.5) / sigma[:, column]
     assert np.sqrt(np.mean(error**2)) < 1.5
@@ -120,7 +119,7 @@ def test_intervals_contain_errors_of_torque_gains(
     bare = identify_recording(log, lib, gain_sigma=0, **steps)
     rounding = {"rtol": 1e-9, "atol": 1e-12}
     np.testing.assert_allclose(known.readings_root, bare.uncertainty.root, **rounding)
-    posterior = posterior_of_result(exact)
+    posterior = exact.posterior
     assert posterior is not None
     phi = posterior.phi_over(posterior.reduced(lib)[1])[:, -1 - known.gains : -1]
     viscous = np.linalg.norm(phi, axis=1).reshape(exact.phi.shape)[:, 0]

@@ -16,7 +16,6 @@ from runtime.identification.drive.estimate import identify_drive
 from runtime.identification.drive.feedback import bias_columns
 from runtime.identification.drive.result import BIAS_PRIOR, DriveFit, DriveRequest
 from runtime.identification.identified import Identification
-from runtime.identification.posterior_file import friction_sigma
 from runtime.identification.settings import Settings
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
@@ -40,7 +39,7 @@ def recorded(arrays: dict[str, np.ndarray], folder: Path) -> Recording:
 def deviations(result: Identification, servo: Servo) -> dict[str, np.ndarray]:
     """(estimate − truth)/σ of every value of the drives."""
     drive = result.drive
-    sigma = friction_sigma(result)
+    sigma = result.friction_sigma
     assert drive is not None
     assert sigma is not None
     every = {

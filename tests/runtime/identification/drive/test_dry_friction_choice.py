@@ -9,7 +9,6 @@ import pytest
 from runtime.estimators.choice.dry_friction import _trial
 from runtime.identification.identified import Identification
 from runtime.identification.identify import identify
-from runtime.identification.posterior_file import friction_sigma
 from runtime.identification.settings import Settings
 from runtime.library import Array, Library, load
 from runtime.monitoring.model import model_of
@@ -35,7 +34,7 @@ def identified(
 def is_within(result: Identification, column: str, truth: Array | float) -> bool:
     """Whether a coefficient is within four standard deviations, left with probability 6e-5."""
     k = result.friction.columns.index(column)
-    return bool((abs(result.phi[:, k] - truth) < 4 * friction_sigma(result)[:, k]).all())
+    return bool((abs(result.phi[:, k] - truth) < 4 * result.friction_sigma[:, k]).all())
 
 
 @pytest.mark.parametrize("varies", [True, False])
@@ -66,7 +65,7 @@ def test_memory_is_chosen_where_friction_has_one(tiny_built: Path, tmp_path, slo
     assert np.sqrt(0.5) < result.friction.dahl_stroke / STROKE < np.sqrt(2.0)
     assert any("has a memory of" in note for note in result.notes)
     assert is_within(result, "dahl", servo.phi[:, 1])
-    drive, sigma = result.drive, friction_sigma(result)
+    drive, sigma = result.drive, result.friction_sigma
     assert drive is not None
     assert sigma is not None
     assert abs(drive.delay[0]) < 5e-4

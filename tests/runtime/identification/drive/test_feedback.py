@@ -11,7 +11,6 @@ from runtime.identification.drive import feedback
 from runtime.identification.drive.estimate import identify_drive
 from runtime.identification.drive.feedback import FEEDBACK, linearised, response
 from runtime.identification.drive.result import DriveRequest
-from runtime.identification.posterior_file import friction_sigma
 from runtime.identification.settings import Settings
 from runtime.library import Array, Library, load
 from runtime.recording import Friction, Preparation, Recording, read_recording
@@ -120,7 +119,7 @@ def test_noise_in_the_loop_gives_no_bias(
             drive = result.drive
             assert drive is not None
             late = np.append(drive.delay - DELAY - STEP / 2, result.phi[0] - PHI)
-            errors.append(late / np.append(drive.delay_sigma, friction_sigma(result)[0]))
+            errors.append(late / np.append(drive.delay_sigma, result.friction_sigma[0]))
         means[name] = np.mean(errors, axis=0)
     assert np.abs(means["corrected"]).max() < 1.06
     assert means["least squares"][0] > 1.5

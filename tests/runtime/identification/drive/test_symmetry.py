@@ -12,7 +12,6 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.identification.drive.estimate import identify_drive
 from runtime.identification.drive.result import DriveRequest
 from runtime.identification.drive.symmetry import RISES, mirrored_joints, sides_of, with_sides
-from runtime.identification.posterior_file import friction_root
 from runtime.identification.settings import Settings
 from runtime.library import Library
 from runtime.recording import Preparation, read_recording
@@ -76,7 +75,7 @@ def test_equal_drives_agree_and_a_worn_one_is_named(lib: Library, command, tmp_p
     rise = np.linalg.norm(errors[0]) / np.linalg.norm(errors[1])
     assert worn.exchanged_error_ratio == pytest.approx(rise, rel=1e-9)
     assert "the two drives differ" in worn.sentence
-    root = friction_root(result)
+    root = result.friction_root
     for rise, said in ((1.04, "error is hardly larger"), (1.06, "1.06 times as large: the two")):
         pairs, _ = sides_of(
             *(lib.joint_names, PAIRS[1:], result.friction.columns, result.phi, root),

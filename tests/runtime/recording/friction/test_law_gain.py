@@ -9,7 +9,6 @@ import pytest
 
 from runtime.errors import RecordingError
 from runtime.estimators.problem import FrictionPrior
-from runtime.identification.posterior_file import friction_sigma
 from runtime.identification.problem_setup import known_friction
 from runtime.identification.settings import Settings
 from runtime.identification.single_log import identify_recording
@@ -46,7 +45,7 @@ def test_gains_and_their_intervals(lib: Library, tmp_path: Path) -> None:
         log = read_recording(tmp_path / "log.npz")
         result = identify_recording(log, lib, friction=TERMS, refit=True)
         truth = np.column_stack([phi, gain - 1])
-        sigma = friction_sigma(result)
+        sigma = result.friction_sigma
         inside.append(np.abs(result.phi - truth) < 1.96 * sigma)
         ratio = np.log((1 + result.phi[:, 4]) / gain)
         ratios.append(ratio - np.median(ratio))

@@ -8,7 +8,6 @@ import pytest
 
 from runtime import Observer, write_recording
 from runtime.errors import RecordingError
-from runtime.identification.posterior_file import friction_sigma
 from runtime.identification.single_log import identify_recording
 from runtime.library import Library
 from runtime.monitoring.model import model_of
@@ -51,7 +50,7 @@ def test_coefficients_and_their_intervals(lib: Library) -> None:
     inside, values = [], []
     for seed in range(12):
         result = identify_recording(warm_log(lib, seed), lib, friction=TERMS, refit=True)
-        sigma = friction_sigma(result)
+        sigma = result.friction_sigma
         truth = np.column_stack([[VISCOUS] * 7, [COULOMB] * 7, [0.0] * 7, OF_KELVIN])
         inside.append(np.abs(result.phi - truth) < 1.96 * sigma)
         values.append(result.phi[:, 3])
@@ -92,7 +91,7 @@ def test_drift_of_a_log_whose_clock_starts_anywhere(lib, tmp_path, streamed) -> 
         np.testing.assert_allclose(phi, (block.t - 5e4)[:, None] / 3600 * block.dq, atol=1e-9)
         return
     result = identify_recording(read_recording(tmp_path / "log.npz"), lib, friction=terms)
-    error = np.abs(result.phi[:, 3] - OF_HOUR) / friction_sigma(result)[:, 3]
+    error = np.abs(result.phi[:, 3] - OF_HOUR) / result.friction_sigma[:, 3]
     assert error.max() < 3.5
 
 

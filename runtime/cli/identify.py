@@ -18,7 +18,6 @@ from runtime.cli.log_options import (
     FitChoices,
     inputs_of,
     opened_logs,
-    prior_of,
     runs_of,
     shown_progress,
     walks_of,
@@ -31,7 +30,7 @@ from runtime.estimators.contradictions import FOLLOWS
 from runtime.estimators.descent.fit import PRESETS
 from runtime.estimators.methods import DEFAULT, METHODS
 from runtime.estimators.optimizers import Status
-from runtime.estimators.prior_file import KnownFriction
+from runtime.estimators.prior_file import KnownFriction, read_prior
 from runtime.identification.free_base.prepared_walk import usual_rows
 from runtime.identification.identified import Identification
 from runtime.identification.identify import identify
@@ -155,7 +154,7 @@ class IdentifySettings(FitChoices):
                 "leave out one of them"
             )
         files: dict[str, Any] = {
-            "prior": prior_of(self.prior, lib),
+            "prior": self.prior and read_prior(self.prior, lib),
             "friction_prior": self._known_friction(lib),
             "symmetric": tuple(self.symmetric or ()),
             "preparation": self.preparation and load_recipe(self.preparation).preparation,
@@ -169,9 +168,9 @@ class IdentifySettings(FitChoices):
         return replace(settings, inputs=inputs or None)
 
     def _known_friction(self, lib: Library) -> KnownFriction | None:
-        prior = prior_of(self.friction_prior, lib)
-        if prior is None:
+        if self.friction_prior is None:
             return None
+        prior = read_prior(self.friction_prior, lib)
         if prior.friction is None:
             raise IdentificationError(
                 f"the setting friction_prior expects a prior with a table [friction], which "

@@ -17,7 +17,6 @@ from runtime.errors import IdentificationError
 from runtime.estimators.choice.friction_choice import FrictionChoice
 from runtime.estimators.choice.regressor_choice import CutoffCandidate, CutoffChoice
 from runtime.estimators.methods import METHODS
-from runtime.estimators.prior_file import PriorFile, read_prior
 from runtime.identification.identify import SEVERAL_STREAMED, Source
 from runtime.identification.saved_result import SavedResult, read_result, require_model
 from runtime.identification.settings import AUTO, NAMES, Progress
@@ -304,11 +303,6 @@ def _carried(payload_of: Sequence[str], logs: Sequence[str], lib: Library) -> di
             )
         payloads[log] = read_carried(Path(file), lib)
     return payloads
-
-
-def prior_of(path: Path | None, lib: Library) -> PriorFile | None:
-    """Inertial prior of --prior."""
-    return None if path is None else read_prior(path, lib)
 
 
 def inputs_of(methods: Iterable[str], lib: Library, **files: Path | None) -> dict[str, Any]:

@@ -20,11 +20,13 @@ from runtime.identification.result_tables import error_table, link_table, parame
 from runtime.library import Array, Library
 from runtime.library.manifest import torque_units
 from runtime.library.parameters import links, mass
-from runtime.recording import Friction, Recording
+from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.friction.coupled_motors import coupling_of_terms
 from runtime.recording.friction.model import columns as friction_columns
 from runtime.recording.friction.model import torque as friction_torque
 from runtime.recording.notebook import Framed
+from runtime.recording.recipes.recipe import Recipe
+from runtime.recording.recipes.recipe_file import recipe_text
 from runtime.recording.row_marks import Marks
 from runtime.recording.settings import JointMotion, names_where
 
@@ -126,7 +128,7 @@ class Identification(Framed):
         errors = error_parts(*torque_errors(self))
         return (
             error_table(self.lib.joint_names, torque_units(self.lib.manifest), *errors, title),
-            link_table(link_parts(self.lib, self.pi, self.relative_eigenvalues)),
+            link_table(link_parts(self.lib, self.pi)),
         )
 
     def columns_of_frame(self) -> dict[str, list[Any]]:
@@ -142,6 +144,36 @@ class Identification(Framed):
         if not count:
             return self.phi
         return np.hstack([self.phi[:, :-count], self.phi[:, -count:].mean(axis=1, keepdims=True)])
+
+    @property
+    def preparation(self) -> Preparation:
+        """Settings of the preparation of the log."""
+        return self.train.prepared or Preparation()
+
+    @property
+    def recipe(self) -> Recipe | None:
+        """Recipe of further logs: that of the log without what holds for its own rows."""
+        recipe = self.train.recipe
+        return None if recipe is None else recipe.replace(leave_out=(), split=None)
+
+    @property
+    def predictions(self) -> dict[str, Any]:
+        """Torques of both models over the test part, row marks and recipe."""
+        test = samples_of(self.test, self.lib)
+        arrays: dict[str, Any] = {
+            "t": np.asarray(self.test.t),
+            "dq": test.dq,
+            "measured": test.tau,
+            "before": self.before(self.test),
+            "after": self.predict_test(),
+        }
+        if test.base is None:  # scores of a later log are compared with those of these rows
+            arrays |= {"q": test.q, "ddq": test.ddq, "columns": test.columns}
+        if self.recipe is not None:
+            arrays["recipe"] = recipe_text(self.recipe)
+        if self.row_marks is not None:
+            arrays["row_marks"] = self.row_marks
+        return arrays
 
     @property
     def posterior(self) -> SavedPosterior | None:

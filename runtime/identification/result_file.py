@@ -27,8 +27,7 @@ from runtime.library.manifest import file_units
 from runtime.recording import Preparation, Recording
 from runtime.recording.formats.npz import arrays_of
 from runtime.recording.preprocessing import is_filtered
-from runtime.recording.recipes.recipe import COMMANDED, Recipe
-from runtime.recording.recipes.recipe_file import recipe_text
+from runtime.recording.recipes.recipe import COMMANDED
 from runtime.recording.rest_speeds import STILL
 from runtime.recording.settings import COLUMNS
 
@@ -214,12 +213,16 @@ def still_joints(result: Identification) -> tuple[str, ...]:
     )
 
 
+NewResult = Identification | FreeBaseIdentification  # what `runtime.identify` gives
 # A path is read by `read_result`.
 AnyResult = saved_result.SavedResult | Identification | str | PathLike[str]
 
 
-def record_of(result: Identification, command: str) -> schema.ResultRecord:
+def record_of(result: NewResult, command: str) -> schema.ResultRecord:
     """Record of an identification."""
+    if isinstance(result, FreeBaseIdentification):
+        made = result.record.provenance.replace(command=command)
+        return result.record.replace(provenance=made)
     lib, law, trace = result.lib, result.train.law, result.trace
     sigma = result.friction_sigma
     fit, gains, late, drives = result.trained, None, None, None
@@ -245,7 +248,6 @@ def record_of(result: Identification, command: str) -> schema.ResultRecord:
         files=dict(result.train.source),
         seed=result.seed,
         method=result.method,
-        base="fixed",
         status=result.status,
         recording=_recording(result),
         torque_source=result.train.torque_source,
@@ -291,12 +293,13 @@ def record_about(
     return schema.ResultRecord.with_gaps(
         format=schema.FORMAT,
         robot=lib.name,
+        base="free" if lib.manifest.floating else "fixed",
         model=saved_result.model_part(lib),
         joints=lib.joint_names,
         units=tuple(file_units(lib.manifest)),
         torque_error_percent=percent,
         torque_rms=rms,
-        links=schema.link_parts(lib, pi, lib.relative_eigenvalues(pi)),
+        links=schema.link_parts(lib, pi),
         pi=schema.plain(pi),
         lam=schema.plain(lam),
         beta=schema.plain(lib.base_matrix @ pi),
@@ -308,39 +311,14 @@ def record_about(
     )
 
 
-def predictions_of(result: Identification) -> dict[str, Any]:
-    """Torques of both models over the test part, row marks and recipe."""
-    test = samples_of(result.test, result.lib)
-    arrays: dict[str, Any] = {
-        "t": np.asarray(result.test.t),
-        "dq": test.dq,
-        "measured": test.tau,
-        "before": result.before(result.test),
-        "after": result.predict_test(),
-    }
-    if test.base is None:  # scores of a later log are compared with those of these rows
-        arrays |= {"q": test.q, "ddq": test.ddq, "columns": test.columns}
-    if (recipe := of_further_logs(result)) is not None:
-        arrays["recipe"] = recipe_text(recipe)
-    if result.row_marks is not None:
-        arrays["row_marks"] = result.row_marks
-    return arrays
-
-
-def of_further_logs(result: Identification) -> Recipe | None:
-    """Recipe of the log without what holds for its own rows."""
-    recipe = result.train.recipe
-    return None if recipe is None else recipe.replace(leave_out=(), split=None)
-
-
 def opened(
     result: AnyResult, lib: Library | None, same_bodies: bool = False
 ) -> tuple[saved_result.SavedResult, Library, tuple[str, ...]]:
     """Result of any kind as `read_result` gives it, its library or the given one, and notes."""
     if isinstance(result, Identification):
         place, lib = f"the result of {result.lib.name}", result.lib if lib is None else lib
-        record, recipe = record_of(result, ""), of_further_logs(result)
-        saved = saved_result.saved_from(record, place, True, result.row_marks, recipe)
+        record, fitted = record_of(result, ""), (result.row_marks, result.recipe)
+        saved = saved_result.saved_from(record, place, True, *fitted)
     elif isinstance(result, saved_result.SavedResult):
         saved, place = result, f"the result of {result.record.robot}"
     elif isinstance(result, str | PathLike):
@@ -351,9 +329,6 @@ def opened(
     lib = load(saved.record.robot) if lib is None else lib
     require_library(lib)
     return saved, lib, saved_result.require_model(saved.record, lib, place, same_bodies)
-
-
-NewResult = Identification | FreeBaseIdentification  # what `runtime.identify` gives
 
 
 def write_result(
@@ -393,13 +368,9 @@ def files_of(result: NewResult, command: str) -> saved_result.ResultFiles:
             f"in SI units, got {largest:.3g}, so nothing was written; leave out friction columns "
             "that the motion does not excite, or use a method with a prior (map)"
         )
-    if isinstance(result, Identification):
-        record, rows = record_of(result, command), predictions_of(result)
-    else:
-        record = result.record.replace(provenance=result.record.provenance.replace(command=command))
-        rows = result.predictions | {"row_marks": result.row_marks}
-    arrays = None if result.posterior is None else arrays_of(result.posterior)
-    return saved_result.ResultFiles(record, rows, arrays)
+    record, posterior = record_of(result, command), result.posterior
+    arrays = None if posterior is None else arrays_of(posterior)
+    return saved_result.ResultFiles(record, result.predictions, arrays)
 
 
 def _recording(result: Identification) -> schema.RecordingPart:
@@ -416,7 +387,7 @@ def _recording(result: Identification) -> schema.RecordingPart:
         duration=float(sum(b - a for a, b in ends.values())),
         samples={name: samples[name] if name in ends else 0 for name in logs},
         history=tuple(result.train.history),
-        preparation=stated_steps(result.train.prepared or Preparation()),
+        preparation=stated_steps(result.preparation),
         split=", ".join(f"{name} {a:.2f}–{b:.2f} s" for name, (a, b) in ends.items()),
     )
 

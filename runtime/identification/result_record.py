@@ -394,7 +394,7 @@ def error_parts(
     return ErrorPercent(**percent), ErrorRms(**{n: plain(e.rms) for n, e in errors.items()})
 
 
-def link_parts(lib: Library, pi: Array, eigenvalues: Array) -> tuple[LinkPart, ...]:
+def link_parts(lib: Library, pi: Array) -> tuple[LinkPart, ...]:
     """Masses and centres of mass before and after, and consistency."""
     now, then = links(pi), links(lib.pi0)
     return LinkPart.from_columns(
@@ -403,7 +403,7 @@ def link_parts(lib: Library, pi: Array, eigenvalues: Array) -> tuple[LinkPart, .
         mass_before=mass(then),
         com=centre_of_mass(now),
         com_before=centre_of_mass(then),
-        min_relative_eigenvalue=eigenvalues,
+        min_relative_eigenvalue=lib.relative_eigenvalues(pi),
     )
 
 

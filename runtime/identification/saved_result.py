@@ -165,6 +165,11 @@ class SavedResult(Framed):
     row_marks: Marks | None = None
     recipe: Recipe | None = None
 
+    @property
+    def usual_phi(self) -> Array:
+        """φ of the columns of `friction`, (n, k)."""
+        return self.phi
+
     def fitted_share(self, log: Recording) -> float:
         """Share of the rows of a log of `log_of` that the model was fitted to; 0 if unknown."""
         marks, torque = self.row_marks, self.gains is None

@@ -64,8 +64,7 @@ def statistics_of(result: Identification | FreeBaseIdentification, unit: str) ->
     if isinstance(result, Identification):
         columns = _columns(result)
         # The rows have a standard deviation where they are those of the torque.
-        prepared = result.train.prepared
-        of_torque = prepared is None or prepared.regressor == "acceleration"
+        of_torque = result.preparation.regressor == "acceleration"
         if of_torque and result.weights.shape == (lib.n_joints,):
             noise = 1 / np.sqrt(result.weights)
     known, of_robot = posterior.information, (lib.name, lib.joint_names)

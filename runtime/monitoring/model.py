@@ -135,14 +135,10 @@ def model_of(identified: AnyModel, lib: Library) -> MonitoredModel:
     """The model of an identification or of a saved result."""
     if isinstance(identified, MonitoredModel):
         return identified
-    if isinstance(identified, Identification):
-        preparation = identified.train.prepared or Preparation()
-        phi = identified.usual_phi
-    else:
-        preparation, phi = identified.preparation, identified.phi
+    phi = identified.usual_phi
     return MonitoredModel(
         beta=lib.base_matrix @ identified.pi,
         terms=identified.friction if phi.size else Friction(()),
         phi=phi.reshape(lib.n_joints, -1),
-        preparation=preparation,
+        preparation=identified.preparation,
     )

@@ -96,7 +96,6 @@ def identify_free_base(
         files=_files(logs),
         seed=None,
         method=settings.estimator.name,
-        base="free",
         status=fit.status,
         recording=schema.RecordingPart.with_gaps(
             name=" + ".join(data.motion.logs),
@@ -125,12 +124,14 @@ def identify_free_base(
         or None,
         sessions=sessions,
     )
+    marks = row_marks(*(log.joints for log in logs))
+    arrays = {"t": test.t, "measured": measured, "before": before, "after": after}
     return results.FreeBaseIdentification(
         *(record, fit.pi, terms, phi, preparation),
-        row_marks=row_marks(*(log.joints for log in logs)),
+        row_marks=marks,
         lib=lib,
         evidence=evidence,
-        predictions={"t": test.t, "measured": measured, "before": before, "after": after},
+        predictions=arrays | {"row_marks": marks},
     )
 
 

@@ -6,6 +6,7 @@ Coefficients of sensors, and the delay, are eliminated from the posterior that i
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -92,22 +93,18 @@ class FreeBaseIdentification(SavedResult):
     Attributes:
         lib: library of the robot.
         evidence: rows that train and priors.
-        predictions: t (N,) [s] and measured, before, after (N, k) of the rows on the test part.
+        predictions: t (N,) [s] and measured, before, after (N, k) of the rows on the test part, and
+            row marks.
     """
 
     lib: Library = field(kw_only=True)
     evidence: Evidence = field(kw_only=True)
-    predictions: dict[str, Array] = field(kw_only=True)
+    predictions: dict[str, Any] = field(kw_only=True)
 
     @property
     def is_consistent(self) -> bool:
         """Whether every link is physically consistent."""
         return self.record.consistent
-
-    @property
-    def usual_phi(self) -> Array:
-        """Friction coefficients, (n, k)."""
-        return self.phi
 
     @property
     def posterior(self) -> SavedPosterior:

@@ -5,7 +5,7 @@ link included), so that what the log does not determine keeps the values of the 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from runtime.common.threads import one_blas_thread
 from runtime.estimators.methods import fit_by
 from runtime.estimators.optimizers import Status
 from runtime.estimators.problem import ERROR_OF, Fit, FrictionPrior, NoiseFloor, Problem
-from runtime.estimators.regression.samples import Samples, residuals
 from runtime.estimators.robust import robust_problem
 from runtime.estimators.uncertainty import visible_noise
 from runtime.identification import metrics
@@ -50,15 +49,15 @@ def identify_free_base(
     """
     data = prepared_walk(logs, lib, settings, trim_s, True)
     settings = data.settings
-    trained = final = _fitted(data, data.parts[0])
+    trained, rows_of_training = _fitted(data, data.parts[0])
+    final = trained
     said = list[str]()
     if settings.refit and trained.fit.status != Status.INTERRUPTED.value:
-        whole = _fitted(data, data.instants, trained.noise is not None)
+        whole, _ = _fitted(data, data.instants, trained.noise is not None)
         is_complete = whole.fit.status != Status.INTERRUPTED.value
         final = whole if is_complete else trained
         said = [refit_note(len(data.instants), len(data.parts[0]), "errors", is_complete)]
-    fit, evidence, places = final.fit, final.evidence, data.of_drives
-    root = evidence.phi_root
+    fit, root, places = final.fit, final.phi_root, data.of_drives
     sessions, of_logs = _agreement(data) if len(logs) > 1 else (None, ())
     rows, terms = data.tested.over_rows(), data.friction
     phi = fit.phi[0][places].reshape(lib.n_joints, -1)
@@ -72,7 +71,7 @@ def identify_free_base(
             lambda change: rows.columns[:, :, places] @ change.ravel(),
         )
     )
-    notes = (*of_logs, *of_sides, *final.notes, *notes_on(data, trained.rows, trained.noise))
+    notes = (*of_logs, *of_sides, *final.notes, *notes_on(data, rows_of_training, trained.noise))
     (names, tested), test = data.tested.shown(), data.motion.rows(data.parts[-1])
     measured, before = tested.tau, tested.rigid(lib, lib.pi0)
     after = trained.predicted(tested)
@@ -106,14 +105,14 @@ def identify_free_base(
         torque_source=COMMANDED if is_commanded else MEASURED,
         delay_s=_delay(data, fit, deviations) if is_late else None,
         consistent=bool(lib.relative_eigenvalues(fit.pi).min() > 0),
-        uncertainty=results.uncertainty_of(evidence),
+        uncertainty=results.uncertainty_of(final),
         friction=schema.friction_part(terms, phi, deviations[places].reshape(phi.shape)),
         symmetric=mirrored or None,
         warnings=(*fit.notes, *notes, *said, *of_errors),
         rows=data.rows,
         error_rows=names,
         error_units=data.units_of(names),
-        total_mass=results.total_mass(evidence),
+        total_mass=results.total_mass(final),
         vertical_force=drives.vertical_force(
             lib, test, trained.fit.pi, trained.fit.phi[0][: places.start]
         ),
@@ -130,7 +129,7 @@ def identify_free_base(
         *(record, fit.pi, terms, phi, preparation),
         row_marks=marks,
         lib=lib,
-        evidence=evidence,
+        evidence=final,
         predictions=arrays | {"row_marks": marks},
     )
 
@@ -189,23 +188,10 @@ def assembly_of_walks(
     return Assembly(problem, parts, data.friction, logs=names, shown=shown), [*data.notes]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class WalkFit:
-    """Fit to the equations of some instants."""
-
-    rows: FreeBaseRows
-    fit: Fit
-    evidence: results.Evidence
-    noise: NoiseFloor | None  # of the URDF's residual, where it is not that of the fit
-    notes: tuple[str, ...]
-
-    def predicted(self, rows: Samples) -> Array:
-        """Right side of other rows, (N, m)."""
-        return rows.tau + residuals(self.evidence.lib, rows, self.fit.pi, self.fit.phi)
-
-
-def _fitted(data: PreparedWalk, instants: Integers, are_few: bool = False) -> WalkFit:
-    """Fit of some instants; tied drives have a prior by a fit without it."""
+def _fitted(
+    data: PreparedWalk, instants: Integers, are_few: bool = False
+) -> tuple[results.Evidence, FreeBaseRows]:
+    """Fit of some instants, and their rows; tied drives have a prior by a fit without it."""
     motion, notes = data.motion.rows(instants), list[str]()
     rows, settings = data.rows_of(motion), data.settings
     method = settings.estimator
@@ -216,17 +202,37 @@ def _fitted(data: PreparedWalk, instants: Integers, are_few: bool = False) -> Wa
         notes.append(robust.note(motion.t, rows.equations))
     fit = fit_by(problem, method.name, settings.preset, settings.prior)
     if settings.tie and data.friction.columns:
-        names, columns = data.lib.joint_names, data.friction.columns
-        phi = fit.phi[0, data.of_drives].reshape(len(names), -1)
-        pairs, known = tuple(settings.symmetric), data.known_friction
-        tied, note = tied_prior(names, pairs, columns, phi, known)
+        names, of_friction = data.lib.joint_names, data.friction.columns
+        phi, pairs = fit.phi[0, data.of_drives].reshape(len(names), -1), tuple(settings.symmetric)
+        tied, note = tied_prior(names, pairs, of_friction, phi, data.known_friction)
         problem = _with_known(problem, tied, data.of_drives)
         fit = fit_by(problem, method.name, settings.preset, settings.prior)
         notes.insert(0, note)
-    offsets = rows.offsets * np.sqrt(weights)[:, None, None]
-    evidence = _evidence(data, problem, fit, offsets, motion.seconds)
-    noise = problem.noise_floor if data.drives is None else None
-    return WalkFit(rows, fit, evidence, noise, tuple(notes))
+    offsets, samples = rows.offsets * np.sqrt(weights)[:, None, None], problem.train
+    if method.is_most_probable:
+        (weights, coloured), statistics = fit.noise(), fit.statistics or problem.statistics()
+    else:
+        weights, statistics, coloured = visible_noise(
+            data.lib, samples, fit.pi, fit.phi, problem.statistics
+        )
+    level, known = max(coloured.density, float(np.finfo(float).tiny)), problem.friction_prior
+    columns = np.concatenate([samples.base_rows(data.lib), samples.friction_rows()], axis=2)
+    evidence = results.Evidence(
+        data.lib,
+        fit,
+        statistics,
+        None if known is None else known.statistics(statistics, level),
+        level,
+        settings,
+        # Offsets of sensors move π and φ.
+        np.einsum("nmp,m,nmo->po", columns, weights, offsets, optimize=True),
+        coloured.inflation,
+        motion.seconds,
+        data.of_drives,
+        problem.noise_floor if data.drives is None else None,
+        tuple(notes),
+    )
+    return evidence, rows
 
 
 def _problem(
@@ -256,14 +262,14 @@ def _agreement(data: PreparedWalk) -> tuple[schema.SessionsPart, tuple[str, ...]
     instants = [np.intersect1d(data.instants, of_log) for _, of_log in data.motion.each()]
     rows = [data.rows_of(data.motion.rows(some)).over_rows() for some in instants]
 
-    def predicted(walk: WalkFit | None, k: int) -> Array:
+    def predicted(walk: results.Evidence | None, k: int) -> Array:
         return rows[k].rigid(data.lib, data.lib.pi0) if walk is None else walk.predicted(rows[k])
 
     return agreement_of(
         data.lib,
         [(log.name, log.joints) for log in data.logs],
-        lambda numbers: _fitted(data, np.concatenate([instants[k] for k in numbers])),
-        lambda walk: (walk.fit.pi, walk.evidence.posterior.pi_root),
+        lambda numbers: _fitted(data, np.concatenate([instants[k] for k in numbers]))[0],
+        lambda walk: (walk.fit.pi, walk.posterior.pi_root),
         predicted,
         [each.tau for each in rows],
         payload_kg=(0.0,) * len(rows),
@@ -288,30 +294,3 @@ def _delay(data: PreparedWalk, fit: Fit, deviations: Array) -> schema.Delay | No
         return schema.Delay(value=data.drives.delay_s, sigma=0.0)
     late = data.drives.delay_s + float(fit.phi[0, -1])
     return schema.Delay(value=late, sigma=schema.plain(float(deviations[-1])))
-
-
-def _evidence(
-    data: PreparedWalk, problem: Problem, fit: Fit, offsets: Array, seconds: float
-) -> results.Evidence:
-    """Data and priors about a fit; offsets (N, m, o) of sensors move π and φ."""
-    lib, samples = data.lib, problem.train
-    if data.settings.estimator.is_most_probable:
-        (weights, noise), statistics = fit.noise(), fit.statistics or problem.statistics()
-    else:
-        weights, statistics, noise = visible_noise(
-            lib, samples, fit.pi, fit.phi, problem.statistics
-        )
-    level, known = max(noise.density, float(np.finfo(float).tiny)), problem.friction_prior
-    columns = np.concatenate([samples.base_rows(lib), samples.friction_rows()], axis=2)
-    return results.Evidence(
-        lib,
-        fit.pi,
-        statistics,
-        None if known is None else known.statistics(statistics, level),
-        level,
-        data.settings,
-        np.einsum("nmp,m,nmo->po", columns, weights, offsets, optimize=True),
-        noise.inflation,
-        seconds,
-        data.of_drives,
-    )

@@ -12,9 +12,9 @@ import numpy as np
 
 from runtime.estimators import uncertainty as spreads
 from runtime.estimators.convex.entropic_prior import Prior, prior_about
-from runtime.estimators.problem import OF
+from runtime.estimators.problem import OF, Fit, NoiseFloor
 from runtime.estimators.regression.factor import Elimination, Reduced, Statistics, reduce
-from runtime.estimators.regression.samples import NORMAL_95, residuals
+from runtime.estimators.regression.samples import NORMAL_95, Samples, residuals
 from runtime.identification import result_record as schema
 from runtime.identification.free_base import rows as equations
 from runtime.identification.free_base.drives import rms
@@ -32,10 +32,10 @@ DETERMINED = 0.5  # posterior over prior variance below which an entry counts as
 
 @dataclass(frozen=True, eq=False)  # no slots: what it determines is computed once and kept
 class Evidence:
-    """Rows that train and priors, about an estimate."""
+    """Fit to the equations of some instants: rows that train and priors, about an estimate."""
 
     lib: Library
-    pi: Array  # the estimate
+    fit: Fit
     statistics: Statistics  # of the rows over their noise
     known: Statistics | None  # prior of φ as rows
     level: float  # S, variance with which the noise enters the unknowns
@@ -44,6 +44,12 @@ class Evidence:
     inflation: float  # N / N_eff
     seconds: float  # duration of the rows [s]
     of_drives: slice  # places of the friction coefficients in φ, joint by joint
+    noise: NoiseFloor | None  # of the URDF's residual, where it is not that of the fit
+    notes: tuple[str, ...]
+
+    def predicted(self, rows: Samples) -> Array:
+        """Right side of other rows, (N, m)."""
+        return rows.tau + residuals(self.lib, rows, self.fit.pi, self.fit.phi)
 
     @property
     def prior(self) -> Prior:
@@ -57,7 +63,7 @@ class Evidence:
             data = data.merged(self.known)
         reduced, eliminated = reduce(data, self.lib.n_rows)
         spread = spreads.laplace(
-            *(self.lib, data, reduced, self.level, self.pi, self.prior, self.settings.kappa),
+            *(self.lib, data, reduced, self.level, self.fit.pi, self.prior, self.settings.kappa),
             times * self.slopes,
             is_most_probable=self.settings.estimator.is_most_probable,
         )
@@ -75,7 +81,7 @@ class Evidence:
         kappa, centre = self.settings.kappa, self.prior.centre
         known = spreads.LogInformation(statistics, self.level, kappa, centre)
         root, moved = spread.root, spread.phi_nuisance
-        return SavedPosterior(known, self.pi, root, 0, moved, joints=self.lib.n_joints)
+        return SavedPosterior(known, self.fit.pi, root, 0, moved, joints=self.lib.n_joints)
 
     @property
     def phi_root(self) -> Array:
@@ -129,7 +135,7 @@ def marginal(statistics: Statistics, kept: slice) -> Statistics:
 
 def total_mass(evidence: Evidence) -> schema.TotalMass:
     """Mass of the robot; its σ contains the sensors' offsets."""
-    total, root = float(mass(links(evidence.pi)).sum()), evidence.posterior.pi_root
+    total, root = float(mass(links(evidence.fit.pi)).sum()), evidence.posterior.pi_root
     sigma = float(np.linalg.norm(root[MASS::N_PARAMETERS].sum(axis=0)))
     return schema.TotalMass(
         value=total,
@@ -146,7 +152,7 @@ def uncertainty_of(evidence: Evidence) -> schema.UncertaintyPart:
     masses = zip(lib.link_names, verdicts[::N_PARAMETERS], strict=True)
     prior = [name for name, verdict in masses if verdict == spreads.PRIOR_DOMINATED]
     return schema.uncertainty_part(
-        *(lib, evidence.pi, evidence.posterior.pi_root, share, verdicts),
+        *(lib, evidence.fit.pi, evidence.posterior.pi_root, share, verdicts),
         advice=f"the log hardly determines the mass of {', '.join(prior)}: measure the wrenches of "
         "its contacts, or record a motion that moves it"
         if prior

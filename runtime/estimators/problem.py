@@ -137,13 +137,14 @@ class Problem:
 
     def statistics(self, weights: Array | None = None) -> Statistics:
         """Compressed training samples, with the weights of the problem unless others are given."""
-        if weights is None:
-            return self._weighted
-        return compress_all(self.lib, self.samples("train"), weights)
+        return self._weighted if weights is None else self._compressed(weights)
 
     @cached_property
     def _weighted(self) -> Statistics:
-        return self.statistics(self.weights)
+        return self._compressed(self.weights)
+
+    def _compressed(self, weights: Array) -> Statistics:
+        return compress_all(self.lib, self.samples("train"), weights)
 
     def samples(self, part: str) -> Iterable[Samples]:
         """All samples of a part, "train" or "validation", a piece at a time."""

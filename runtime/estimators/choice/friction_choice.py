@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.linalg import lstsq
 from scipy.optimize import minimize_scalar
 
 from runtime.common.threads import one_blas_thread
@@ -35,23 +34,22 @@ from runtime.recording.recording import require_recording
 
 BLOCKS = 5
 LEAST_GAIN = 0.005  # share of the mean square error that a candidate must save to count as better
-_RANK = 1e-9  # pivot, over the largest of unit columns, below which columns depend on others
+_RANK = 1e-9  # singular value of unit columns, over the largest, below which it is 0
 
 
 def solved(stats: Sequence[Statistics]) -> tuple[Array, int]:
     """Least squares on several factors with normalised columns: x of least length, and the rank.
 
-    A factorisation with pivoting takes a third of the time of singular values. A column of zeros
-    gets zero.
+    By singular values: pivots decide otherwise where columns nearly depend on each other. A column
+    of zeros gets zero.
     """
     factor = np.concatenate([s.factor for s in stats])
     target = np.concatenate([s.target for s in stats])
     lengths = np.linalg.norm(factor, axis=0)
-    used, x = lengths > 0, np.zeros(len(lengths))
-    unit = factor[:, used] / lengths[used]
-    part, _, rank, _ = lstsq(unit, target, cond=_RANK, lapack_driver="gelsy")
-    x[used] = part / lengths[used]
-    return x, int(rank)
+    lengths[lengths == 0] = np.inf
+    unit = np.divide(factor, lengths)
+    x, _, rank, _ = np.linalg.lstsq(unit, target, rcond=_RANK)
+    return x / lengths, int(rank)
 
 
 def misfit(block: Statistics, x: Array) -> float:

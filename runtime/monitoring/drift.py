@@ -260,8 +260,10 @@ def _baseline(
     def usual(*later: scores.Scores) -> scores.Usual:
         return scores.usual_of(changes, root.shape[1], held_out, others, *known, later)
 
-    learnt = usual() if others else None
-    return Baseline(saved, root, over, changes, lambda *later: learnt or usual(*later))
+    if not others:
+        return Baseline(saved, root, over, changes, usual)
+    learnt = usual()
+    return Baseline(saved, root, over, changes, lambda *_: learnt)
 
 
 def _delay_sigma(saved: SavedResult) -> float:

@@ -47,8 +47,7 @@ def solved(stats: Sequence[Statistics]) -> tuple[Array, int]:
     target = np.concatenate([s.target for s in stats])
     lengths = np.linalg.norm(factor, axis=0)
     lengths[lengths == 0] = np.inf
-    unit = np.divide(factor, lengths)
-    x, _, rank, _ = np.linalg.lstsq(unit, target, rcond=_RANK)
+    x, _, rank, _ = np.linalg.lstsq(factor / lengths, target, rcond=_RANK)
     return x / lengths, int(rank)
 
 

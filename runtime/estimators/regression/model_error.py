@@ -93,7 +93,7 @@ def free_fit(lib: Library, samples: Samples, weights: Array) -> FreeFit | None:
     step = max(1, count // ROWS, count * lib.n_joints // EQUATIONS)
     s = samples.rows(slice(None, None, step))
     scale = np.sqrt(weights)
-    rows = np.concatenate([s.base_rows(lib), s.friction_rows()], axis=2) * scale[:, None]
+    rows = s.rows_of_unknowns(lib) * scale[:, None]
     target = (s.tau * scale).ravel()
     root = posterior_of(rows, rank=APART).root
     basis = rows.reshape(target.size, -1) @ root

@@ -158,7 +158,7 @@ def recorded_delay(
         if commanded:
             return np.dstack([some.friction_rows(), some.rigid(lib, lib.pi0)])
         springs = [lib.spring_columns(some.q)] if lib.manifest.springs else []
-        return np.dstack([some.base_rows(lib), some.friction_rows(), *springs, 0 * some.tau])
+        return np.dstack([some.rows_of_unknowns(lib), *springs, 0 * some.tau])
 
     both = rows_of(samples)
     columns, model = both[..., :-1], both[..., -1]

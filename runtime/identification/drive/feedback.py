@@ -134,7 +134,7 @@ def linearised(
     taken = _taken(len(samples), rough)
     part = samples.rows(taken)
     rest, scale = rest[taken], scale[taken]
-    rows = np.concatenate([part.base_rows(lib), part.friction_rows()], axis=2) * scale[:, :, None]
+    rows = part.rows_of_unknowns(lib) * scale[:, :, None]
     rows = np.concatenate([rows, further[taken]], axis=2)
     # One orthogonal factorisation gives the information and the basis for the noise.
     triangle = triangle_of_joints(rows)
@@ -291,11 +291,10 @@ def _rows(
     result: Identification, samples: Samples, taken: Integers, request: DriveRequest
 ) -> Array:
     """Columns of links, friction and delay at some rows, (N, n, p)."""
-    part = samples.rows(taken)
-    columns_of = [part.base_rows(result.lib), part.friction_rows()]
-    if request.delay:
-        columns_of.append(-torque_rate(result, samples, request.per_joint)[taken])
-    return np.concatenate(columns_of, axis=2)
+    rows = samples.rows(taken).rows_of_unknowns(result.lib)
+    if not request.delay:
+        return rows
+    return np.concatenate([rows, -torque_rate(result, samples, request.per_joint)[taken]], axis=2)
 
 
 def _gains(law: ControlLaw | None, n: int) -> tuple[Array, Array] | None:

@@ -216,7 +216,7 @@ def _fitted(
             data.lib, samples, fit.pi, fit.phi, problem.statistics
         )
     level, known = max(coloured.density, float(np.finfo(float).tiny)), problem.friction_prior
-    columns = np.concatenate([samples.base_rows(data.lib), samples.friction_rows()], axis=2)
+    columns = samples.rows_of_unknowns(data.lib)
     evidence = results.Evidence(
         data.lib,
         fit,

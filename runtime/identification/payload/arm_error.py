@@ -138,8 +138,7 @@ def posterior_covariance(
     """
 
     def columns_of(part: slice) -> Array:
-        rows = samples.rows(part)
-        return np.concatenate([rows.base_rows(lib), rows.friction_rows()], axis=2)
+        return samples.rows(part).rows_of_unknowns(lib)
 
     cross, gram, slope = _products(columns_of, len(root), left)
     power, axes = np.linalg.eigh(root.T @ gram @ root)

@@ -143,7 +143,7 @@ def identify_payload(
     days = None
     if empty is not None:
         bare, others, residual0, _ = _rows(empty, lib, mount, model, preparation)
-        dry = residual0 + (others.friction(model.phi) if model.phi.size else 0.0)
+        dry = residual0 + others.friction(model.phi)
         days = arm_error.day_changes(samples, others, dry, min(GAIN_DAY, gain_error))
         residual = residual - empty_residual(run, bare, residual0, lib.joint_names)
         if same_rows([("", independent_joints(each, lib)) for each in (empty, recording)]):

@@ -242,7 +242,6 @@ def uncertainty_of(
         outcome = model_tests(lib, fit, data, prior, kappa, level, pi, delay=delay)
     # Rank of the motion: singular values of A over columns of unit length in the statistics.
     base = lib.base_matrix
-    silent = np.logical_not(base.any(axis=0)).tolist()
     lengths = np.linalg.norm(statistics.factor, axis=0)
     over_base = reduce(statistics, samples.equations)[0].factor[:, list(lib.base_columns)]
     units = np.where(lengths > 0, lengths, 1.0)[: len(base)]
@@ -254,9 +253,9 @@ def uncertainty_of(
     return Uncertainty(
         root=spread.root,
         share=spread.by_kappa.share,
-        verdicts=tuple(map(verdict, silent, spread.by_kappa.share.tolist())),
+        verdicts=spread.verdicts(base),
         beta_sigma=np.linalg.norm(base @ spread.root, axis=1),
-        beta_verdicts=beta_verdicts(base, spread.by_kappa, spread.vague),
+        beta_verdicts=spread.beta_verdicts(base),
         noise=noise(rest, lib, phi.size, coloured.inflation),
         n_samples=round(statistics.n_samples),
         n_eff=statistics.n_samples / coloured.inflation,
@@ -314,6 +313,19 @@ class Spread:
     by_kappa: Posterior  # with the trust κ in the prior
     vague: Array  # root of C_v
 
+    def verdicts(self, base: Array) -> tuple[str, ...]:
+        """Verdicts on the entries of π, base K (n_b, 10 n)."""
+        known = verdicts_of(self.by_kappa.share)
+        return tuple(np.where(base.any(axis=0), known, UNOBSERVABLE).tolist())
+
+    def beta_verdicts(self, base: Array) -> tuple[str, ...]:
+        """Verdicts on the base parameters β = K π."""
+        roots = self.by_kappa.root, self.vague
+        tight, loose = (np.sum((base @ root) ** 2, axis=1) for root in roots)
+        by_data = tight >= ALONE * loose
+        shares = np.where(by_data, self.by_kappa.share_of(base), 1.0)  # 1 is that of the prior
+        return tuple(verdicts_of(shares).tolist())
+
 
 def laplace(
     lib: Library,
@@ -353,19 +365,9 @@ def without_gains(root: Array, gains: int) -> Array:
     return np.delete(root, np.s_[-1 - gains : -1], axis=1)
 
 
-def verdict(silent: bool, share: float) -> str:
-    """Verdict on an entry of π."""
-    if silent:
-        return UNOBSERVABLE
-    return IDENTIFIED if share < DETERMINED else PRIOR_DOMINATED
-
-
-def beta_verdicts(base: Array, spread: Posterior, vague: Array) -> tuple[str, ...]:
-    """Verdicts on the base parameters β = K π: base (n_b, 10 n), vague (10 n, 10 n) → (n_b,)."""
-    tight, loose = (np.sum((base @ root) ** 2, axis=1) for root in (spread.root, vague))
-    by_data = tight >= ALONE * loose
-    shares = np.where(by_data, spread.share_of(base), 1.0)  # 1 is that of the prior
-    return tuple(verdict(False, share) for share in shares.tolist())
+def verdicts_of(share: Array) -> Array:
+    """Verdicts on parameters from their posterior over prior variance."""
+    return np.where(share < DETERMINED, IDENTIFIED, PRIOR_DOMINATED)
 
 
 def vague_posterior(lib: Library, prior: Prior, rows: Array, target: Array) -> tuple[Array, Array]:

@@ -19,7 +19,6 @@ from runtime.identification.result_record import MirroredPair, SessionsPart, err
 from runtime.identification.result_tables import error_table, link_table, parameter_columns
 from runtime.library import Array, Library
 from runtime.library.manifest import torque_units
-from runtime.library.parameters import links, mass
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.friction.coupled_motors import coupling_of_terms
 from runtime.recording.friction.model import columns as friction_columns
@@ -276,10 +275,8 @@ class Identification(Framed):
 
     @property
     def is_consistent(self) -> bool:
-        """Whether every link is physically consistent: P_k ⪰ 0 and a mass above 0."""
-        smallest = self.relative_eigenvalues.min()
-        masses = mass(links(self.pi))
-        return bool(smallest >= -metrics.CONSISTENCY_TOLERANCE and (masses > 0).all())
+        """Whether every link is physically consistent."""
+        return metrics.is_consistent(self.lib, self.pi)
 
 
 def torque_errors(

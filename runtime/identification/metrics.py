@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.library import Array
+from runtime.library import Array, Library
+from runtime.library.parameters import links, mass
 
 CONSISTENCY_TOLERANCE = 1e-12  # a link is consistent when P_k ⪰ −1e-12 tr(P_k), to rounding
 
@@ -34,6 +35,12 @@ def torque_error_of(size: Array, scale: Array, count: int) -> TorqueError:
     whole = float(np.linalg.norm(scale))
     overall = 100 * float(np.linalg.norm(size)) / whole if whole else np.nan
     return TorqueError(percent, overall, size / np.sqrt(count))
+
+
+def is_consistent(lib: Library, pi: Array) -> bool:
+    """Whether every link is physically consistent: P_k ⪰ 0 to rounding, and a mass above 0."""
+    smallest = lib.relative_eigenvalues(pi).min()
+    return bool(smallest >= -CONSISTENCY_TOLERANCE and (mass(links(pi)) > 0).all())
 
 
 def airm(a: Array, b: Array) -> Array:

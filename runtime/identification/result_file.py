@@ -16,7 +16,7 @@ from runtime.estimators.methods import METHODS
 from runtime.estimators.problem import NEGATIVE, NEGATIVE_CAUSE, negative_share
 from runtime.estimators.regression.causes import GAIN
 from runtime.estimators.regression.factor import compress
-from runtime.estimators.regression.samples import NORMAL_95, samples_of
+from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import BAND_SAMPLES
 from runtime.identification import metrics, saved_result
 from runtime.identification import result_record as schema
@@ -425,15 +425,9 @@ def _friction(result: Identification, sigma: Array | None) -> schema.FrictionPar
     """Columns, coefficients and intervals; None where none was fitted."""
     terms, motors, phi = result.friction, result.train.motors, result.usual_phi
     names = () if result.log_names else result.train.column_names
-    interval = None  # ends, where they are finite
-    if sigma is not None:
-        half = NORMAL_95 * sigma
-        ends = schema.plain(np.stack([phi - half, phi + half], axis=2))
-        interval = tuple(tuple(None if None in pair else pair for pair in row) for row in ends)
     return schema.friction_part(
         *(terms, phi, sigma),
         columns=tuple(names or terms.columns),
         gear=terms.gear if motors is None else schema.plain(motors),
-        interval_95=interval,
         net=None if result.learned is None else result.learned.facts(),
     )

@@ -15,6 +15,7 @@ import numpy as np
 from runtime.common.records import Record, Vector3
 from runtime.estimators.classical.pc_ols import BOUNDARY
 from runtime.estimators.convex.entropic_prior import com_sigma
+from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.metrics import TorqueError
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, centre_of_mass, links, mass
@@ -429,12 +430,18 @@ def uncertainty_part(
 def friction_part(
     terms: Friction, phi: Array, sigma: Array | None, **facts: Any
 ) -> FrictionPart | None:
-    """Columns, coefficients φ (n, k), σ and further facts; None where none was fitted."""
+    """Columns, coefficients φ (n, k), σ, intervals and other facts; None where none was fitted."""
     if not phi.size:
         return None
+    interval = None  # ends, where they are finite
+    if sigma is not None:
+        half = NORMAL_95 * sigma
+        ends = plain(np.stack([phi - half, phi + half], axis=2))
+        interval = tuple(tuple(None if None in pair else pair for pair in row) for row in ends)
     widths = {key: getattr(terms, key) for key in WIDTHS}
     usual = {"columns": terms.columns, "gear": terms.gear, "values": plain(phi)}
-    return FrictionPart(**usual | widths | {"sigma": plain(sigma)} | facts)
+    spread = {"sigma": plain(sigma), "interval_95": interval}
+    return FrictionPart(**usual | widths | spread | facts)
 
 
 def plain(values: Any) -> Any:

@@ -104,7 +104,7 @@ def identify_free_base(
         ),
         torque_source=COMMANDED if is_commanded else MEASURED,
         delay_s=_delay(data, fit, deviations) if is_late else None,
-        consistent=bool(lib.relative_eigenvalues(fit.pi).min() > 0),
+        consistent=metrics.is_consistent(lib, fit.pi),
         uncertainty=results.uncertainty_of(final),
         friction=schema.friction_part(terms, phi, deviations[places].reshape(phi.shape)),
         symmetric=mirrored or None,

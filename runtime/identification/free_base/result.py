@@ -27,7 +27,7 @@ from runtime.recording.free_base import FreeBaseRecording
 from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion, motion_of
 from runtime.recording.recipes.recipe import MEASURED
 
-DETERMINED = 0.5  # posterior over prior variance below which an entry counts as identified
+MOST_NAMES = 6  # of links that a sentence lists
 
 
 @dataclass(frozen=True, eq=False)  # no slots: what it determines is computed once and kept
@@ -147,19 +147,22 @@ def total_mass(evidence: Evidence) -> schema.TotalMass:
 
 def uncertainty_of(evidence: Evidence) -> schema.UncertaintyPart:
     """Posterior of π."""
-    lib, share = evidence.lib, evidence.now[3].by_kappa.share
-    verdicts = [spreads.IDENTIFIED if s < DETERMINED else spreads.PRIOR_DOMINATED for s in share]
+    lib, spread = evidence.lib, evidence.now[3]
+    base, share = lib.base_matrix, spread.by_kappa.share
+    verdicts = spread.verdicts(base)
     masses = zip(lib.link_names, verdicts[::N_PARAMETERS], strict=True)
-    prior = [name for name, verdict in masses if verdict == spreads.PRIOR_DOMINATED]
+    prior = [name for name, verdict in masses if verdict != spreads.IDENTIFIED]
+    listed = ", ".join(prior) if len(prior) <= MOST_NAMES else f"{len(prior)} links"
     return schema.uncertainty_part(
         *(lib, evidence.fit.pi, evidence.posterior.pi_root, share, verdicts),
-        advice=f"the log hardly determines the mass of {', '.join(prior)}: measure the wrenches of "
-        "its contacts, or record a motion that moves it"
+        advice=f"the log hardly determines the mass of {listed}: measure the wrenches of the "
+        "contacts, or record a motion that moves these links"
         if prior
         else "the log determines the masses of all links",
         n_eff=evidence.statistics.n_samples / evidence.inflation,
         inflation=evidence.inflation,
-        excited=len(lib.base_columns),
+        excited=len(base),
+        beta_verdicts=spread.beta_verdicts(base),
         noise=(),
         model_band=(),
         white_lag_share=(),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from runtime.errors import RuntimeFault
-from runtime.estimators.uncertainty import PRIOR_DOMINATED
+from runtime.estimators.uncertainty import IDENTIFIED, PRIOR_DOMINATED
 from runtime.identification.free_base.rows import (
     CLEARANCE,
     Drives,
@@ -125,9 +125,17 @@ def test_bodies_friction_and_delay_without_forces(
     for name, values in (("viscous", VISCOUS), ("coulomb", COULOMB), ("rotor", ARMATURE)):
         friction = result.record.friction
         at = friction.columns.index(name)
-        rows = zip(friction.values, friction.sigma, values, strict=True)
-        for estimate, spread, value in ((x[at], s[at], value) for x, s, value in rows):
+        rows = zip(friction.values, friction.sigma, friction.interval_95, values, strict=True)
+        for estimate, spread, ends, value in ((x[at], s[at], i[at], v) for x, s, i, v in rows):
             assert abs(estimate - value) < 4 * spread + 0.02 * value
+            assert np.diff(ends) / 2 == pytest.approx(1.96 * spread, rel=1e-4)
+    # As for an arm: identified is what has less than a tenth of its prior variance.
+    known = result.record.uncertainty
+    identified = [word == IDENTIFIED for each in known.links for word in each.verdicts]
+    assert identified == [share < 0.1 for share in known.posterior_over_prior]
+    # Ten base parameters of the foot have no equation, and four more hardly move here.
+    assert len(known.beta_verdicts) == len(hopper.base_matrix)
+    assert 10 < known.beta_verdicts.count(IDENTIFIED) <= len(hopper.base_matrix) - 10
     rms = result.record.torque_rms
     assert (np.array(rms.after) < 0.5 * np.array(rms.before)).all()
     assert len(rms.after) == 9

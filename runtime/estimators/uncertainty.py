@@ -240,16 +240,8 @@ def uncertainty_of(
     outcome = ModelTests()
     if tests:
         outcome = model_tests(lib, fit, data, prior, kappa, level, pi, delay=delay)
-    # Rank of the motion: singular values of A over columns of unit length in the statistics.
+    rank, weakest = excited_directions(lib, statistics, samples.equations)
     base = lib.base_matrix
-    lengths = np.linalg.norm(statistics.factor, axis=0)
-    over_base = reduce(statistics, samples.equations)[0].factor[:, list(lib.base_columns)]
-    units = np.where(lengths > 0, lengths, 1.0)[: len(base)]
-    excited = np.linalg.svd(over_base / units, compute_uv=False)
-    # A rotor column that a link's inertia explains: their sum is excited, so it counts.
-    shared = int(np.sum(statistics.explained() & (lengths[len(base) :] > 0)))
-    known = int(np.sum(excited > 1e-9 * excited[:1]))  # the largest is first
-    rank = min(known + shared, len(base))
     return Uncertainty(
         root=spread.root,
         share=spread.by_kappa.share,
@@ -263,13 +255,30 @@ def uncertainty_of(
         white=white_share(rest),
         rank=rank,
         determined=spread.by_kappa.determined,
-        conditioning=float(excited[rank - 1] / excited[0]) if rank else 0.0,
+        conditioning=weakest,
         information=LogInformation(widened.statistics, float(level), kappa, prior.centre),
         tests=outcome,
         phi_nuisance=spread.phi_nuisance,
         gain_sigma=widened.gain_sigma if widened.gains else 0.0,
         gains=widened.gains,
     )
+
+
+def excited_directions(lib: Library, statistics: Statistics, equations: int) -> tuple[int, float]:
+    """Number of directions of β that a motion excites, and the weakest over the strongest.
+
+    By singular values of its rows without φ, over columns of unit length in the statistics.
+    """
+    base = len(lib.base_matrix)
+    lengths = np.linalg.norm(statistics.factor, axis=0)
+    over_base = reduce(statistics, equations)[0].factor[:, list(lib.base_columns)]
+    excited = np.linalg.svd(
+        over_base / np.where(lengths > 0, lengths, 1.0)[:base], compute_uv=False
+    )
+    # A rotor column that a link's inertia explains: their sum is excited, so it counts.
+    shared = int(np.sum(statistics.explained() & (lengths[base:] > 0)))
+    rank = min(int(np.sum(excited > 1e-9 * excited[:1])) + shared, base)  # the largest is first
+    return rank, float(excited[rank - 1] / excited[0]) if rank else 0.0
 
 
 def visible_noise(

@@ -150,6 +150,7 @@ def uncertainty_of(evidence: Evidence) -> schema.UncertaintyPart:
     lib, spread = evidence.lib, evidence.now[3]
     base, share = lib.base_matrix, spread.by_kappa.share
     verdicts = spread.verdicts(base)
+    rank, weakest = spreads.excited_directions(lib, evidence.statistics, lib.n_rows)
     masses = zip(lib.link_names, verdicts[::N_PARAMETERS], strict=True)
     prior = [name for name, verdict in masses if verdict != spreads.IDENTIFIED]
     listed = ", ".join(prior) if len(prior) <= MOST_NAMES else f"{len(prior)} links"
@@ -161,7 +162,8 @@ def uncertainty_of(evidence: Evidence) -> schema.UncertaintyPart:
         else "the log determines the masses of all links",
         n_eff=evidence.statistics.n_samples / evidence.inflation,
         inflation=evidence.inflation,
-        excited=len(base),
+        excited=rank,
+        weakest_direction=weakest,
         beta_verdicts=spread.beta_verdicts(base),
         noise=(),
         model_band=(),

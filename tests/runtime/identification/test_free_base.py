@@ -86,6 +86,11 @@ def test_bodies_are_recovered(lib: Library, log: VirtualLog, rows: str) -> None:
     vertical = result.record.vertical_force
     assert vertical is not None
     assert vertical.before_percent > 10 * vertical.after_percent or rows == "joints"
+    # Oracle: the rank of all rows; torques of joints do not contain the ten parameters of the base.
+    base = lib.base_matrix
+    all_rows = rows_of(lib, motion_of(free_base_of(log.arrays, "log"), lib.joint_names), rows)
+    rank = np.linalg.matrix_rank(all_rows.samples.base_rows(lib).reshape(-1, len(base)))
+    assert result.record.uncertainty.excited == rank == len(base) - (10 if rows == "joints" else 0)
 
 
 def test_unknown_wrenches_are_eliminated(lib: Library, log: VirtualLog) -> None:

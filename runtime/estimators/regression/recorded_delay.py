@@ -127,9 +127,48 @@ def recorded_delay(
 ) -> DelayProfile:
     """Profile of the loss over the delay of a recording, to `reach_s` of a measured torque.
 
-    Without gains (`has_gains` False) the joints share no parameters.
+    Without gains (`has_gains` False) the joints share no parameters. Beside a measured torque,
+    velocities are those logged, or those from q where they leave less and state another delay: a
+    drive's velocity lags, and its noise, which a controller feeds back, looks like a delay.
     """
     usual = filtered(recording, preparation)
+    given = (lib, preparation, terms, reach_s, has_gains)
+    logged = _profile_of(recording, usual, *given)
+    is_logged = usual.derivative == "measured" and recording.dq is not None
+    if recording.torque_source == COMMANDED or not is_logged:
+        return logged.profile
+    from_q = replace(usual, derivative="position")
+    derived = _profile_of(recording, from_q, *given, used=logged.used)
+    # At the delay of the positions: another one would fit the noise that is fed back.
+    at, (low, high) = derived.profile.best, logged.profile.interval
+    is_kept = low <= at <= high or logged.left(at) <= derived.left(at)
+    return (logged if is_kept else derived).profile
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Tried:
+    """Profile with the velocities of one preparation."""
+
+    profile: DelayProfile
+    used: Array  # 1 in rows and joints that count, (N, n)
+    losses: Array  # Σ_j N_j ln s_j² at the delays of the profile, (M,)
+
+    def left(self, delay: float) -> float:
+        """Loss at a delay [s]."""
+        return float(np.interp(delay, self.profile.delays, self.losses))
+
+
+def _profile_of(
+    recording: Recording,
+    usual: Preparation,
+    lib: Library,
+    preparation: Preparation,
+    terms: Friction,
+    reach_s: float,
+    has_gains: bool,
+    used: Array | None = None,
+) -> _Tried:
+    """Profile of the loss with one preparation, in rows `used` if these are known."""
     commanded = recording.torque_source == COMMANDED
     if usual.cutoff_hz:  # between rows, interpolation damps noise near the Nyquist frequency
         usual = replace(usual, cutoff_hz=min(usual.cutoff_hz, SHARE * recording.rate_hz))
@@ -146,12 +185,9 @@ def recorded_delay(
         )
     every = samples_of(whole, lib)
     samples, tau = every.rows(rows), every.tau
-    used = np.ones_like(samples.tau)
-    if not commanded:
-        # The low-pass spreads a reversal over its period, where the joints slide for longer.
-        far_s = min(max(NEAR_S, 1.0 / (usual.cutoff_hz or CUTOFF_HZ)), 2 * NEAR_S)
-        far, near = (sliding(every.dq, whole.rate_hz, s, rows=rows) for s in (far_s, NEAR_S))
-        used = np.where(far.all(axis=0), near, far)
+    if used is None and not commanded:
+        used = _far_from_reversals(every.dq, whole.rate_hz, usual.cutoff_hz or CUTOFF_HZ, rows)
+    counted = np.ones_like(samples.tau) if used is None else used
 
     def rows_of(some: Samples) -> Array:
         """The columns, and the torque of the URDF where it counts, in the last one."""
@@ -166,7 +202,7 @@ def recorded_delay(
     known = stated_delay(preparation)
 
     def fit_of(step: int) -> _Fit:
-        few, weight = slice(None, None, step), used[::step]
+        few, weight = slice(None, None, step), counted[::step]
 
         def torque(delay: float) -> Array:
             return weight * (interpolate(t[rows[few]] + delay, t, tau) - model[few])
@@ -190,10 +226,18 @@ def recorded_delay(
     solved = fit.solved(delays)
     seen = sliding(every.dq, whole.rate_hz, least=SEEN_SHARE, rows=rows)
     if commanded and fit.reversal_excess(delays[[solved.best]], seen) > TURNED:
-        used = sliding(every.dq, whole.rate_hz, CLOSE_S, rows=rows)
+        counted = sliding(every.dq, whole.rate_hz, CLOSE_S, rows=rows)
         fit = fit_of(1)
         solved = fit.solved(delays)
-    return replace(fit.profile(delays, solved), sign=sign_of_delay(recording))
+    profile = replace(fit.profile(delays, solved), sign=sign_of_delay(recording))
+    return _Tried(profile, counted, solved.losses[:-1])
+
+
+def _far_from_reversals(dq: Array, rate_hz: float, cutoff_hz: float, rows: Integers) -> Array:
+    """`sliding`; the low-pass spreads a reversal over its period, where joints slide for longer."""
+    far_s = min(max(NEAR_S, 1.0 / cutoff_hz), 2 * NEAR_S)
+    far, near = (sliding(dq, rate_hz, s, rows=rows) for s in (far_s, NEAR_S))
+    return np.where(far.all(axis=0), near, far)
 
 
 def delay_of_log(

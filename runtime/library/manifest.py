@@ -140,7 +140,8 @@ class Manifest:
     of those of unknown stiffness.
     `assumed`: link → "given mass" or "placeholder", where the URDF states no <inertial>.
     `floating`: the base is free, and the first of `all_joints` is its joint. `omitted`: kernel that
-    the robot does not have → what to use instead.
+    the robot does not have → what to use instead. `mount`: flange of a robot whose tip is a part of
+    the tool that its file contains; None where it is the tip.
     """
 
     robot: str
@@ -149,6 +150,8 @@ class Manifest:
     base: str
     tip: str
     tip_frame: FrameFacts
+    mount: str | None = None
+    mount_frame: FrameFacts | None = None
     gravity: tuple[float, ...]
     joints: tuple[JointFacts, ...]
     all_joints: tuple[JointFacts, ...]

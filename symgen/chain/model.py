@@ -114,6 +114,7 @@ class Chain:
     joints: tuple[Joint, ...]
     gravity: Vector  # m/s², in the frame of the base link, of a free base in that of the world
     tip: Tip  # the frame of the end effector
+    mount: Tip  # the frame that a payload is fixed to: the tip, or before the tool that holds it
     lumped: tuple[LumpedBody, ...]  # fixed bodies counted into moving links
     removed: tuple[str, ...]  # links cut off by --base and --tip
     urdf: str  # the normalised document that the chain describes

@@ -41,6 +41,7 @@ PLACEHOLDER = "placeholder"  # origin of a body whose mass is not stated anywher
 MASSLESS = "no mass"  # origin of the speck that stands for a link without mass
 MASSLESS_KG = 1e-9  # mass of a speck, kg: a millionth of a gram, far below rounding of any torque
 PLACEHOLDER_MASS = 1.0  # mass of a placeholder, kg
+OF_TOOL = 1e-3  # mass of a fixed link, kg, above which it is no frame but a body of a tool
 _LEAST_RADIUS = 0.05  # least radius of a body, m: about that of a robot's wrist
 
 
@@ -163,13 +164,16 @@ def read_chain(text: str, options: ChainOptions | None = None) -> Chain:
     if coupling is not None:
         for k, ends in _range_of_followers(joints, coupling).items():
             joints = (*joints[:k], replace(joints[k], **ends), *joints[k + 1 :])
+    tip = _tip(document, model, (*base, *joints), options.tip)
+    lumped = tuple(_lumped(document, options.floating))
     return Chain(
         name=document.name,
         base=document.root_link,
         joints=(*base, *joints),
         gravity=snapped(gravity),
-        tip=_tip(document, model, (*base, *joints), options.tip),
-        lumped=tuple(_lumped(document, options.floating)),
+        tip=tip,
+        mount=tip if options.tip else _mount(document, model, (*base, *joints), tip, lumped),
+        lumped=lumped,
         removed=removed,
         urdf=urdf,
         assumed=options.assumed | new,
@@ -289,6 +293,24 @@ def _tip(
         link = joints[-1].link
         while children := [j for j in document.children(link) if document.kind(j) == "fixed"]:
             link = document.child_link(children[-1])
+    return _frame_of(model, joints, link)
+
+
+def _mount(
+    document: Document,
+    model: pinocchio.Model,
+    joints: tuple[Joint, ...],
+    tip: Tip,
+    lumped: tuple[LumpedBody, ...],
+) -> Tip:
+    """The flange: the tip, or the last link before the gripper or tool that holds the tip."""
+    link, masses = tip.link, {body.name: body.mass for body in lumped}
+    while masses.get(link, 0.0) > OF_TOOL:
+        link = document.parent_link(document.parent_joint[link])
+    return _frame_of(model, joints, link)
+
+
+def _frame_of(model: pinocchio.Model, joints: tuple[Joint, ...], link: str) -> Tip:
     frame = model.frames[model.getFrameId(link, pinocchio.BODY)]
     return Tip(
         link=link,

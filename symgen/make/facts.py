@@ -69,6 +69,8 @@ def model_facts(
     extra = ({"assumed": chain.assumed} if chain.assumed else {}) | _mechanism_facts(chain)
     if chain.floating:
         extra |= {"floating": True, "all_joints": [_joint_facts(joint) for joint in chain.joints]}
+    if chain.mount != chain.tip:
+        extra |= {"mount": chain.mount.link, "mount_frame": _frame_facts(chain, chain.mount)}
     if omitted:
         extra["omitted"] = dict(omitted)
     return extra | {

@@ -62,6 +62,24 @@ def test_base_cuts_above_and_is_the_base() -> None:
     assert [j.name for j in arm.joints] == ["turn", "plunge", "spin"]
 
 
+def test_a_payload_is_mounted_before_the_tool_of_the_file() -> None:
+    """Property: the tip lies beyond bodies of a tool, the mount does not; a frame has no body."""
+    arm = read(TINY_URDF)
+    assert arm.mount == arm.tip
+    body = TINY_URDF[TINY_URDF.index("<inertial>") : TINY_URDF.index("</link>\n</robot>")]
+    tool, parent = "", "rod"
+    for link in ("flange", "hand", "finger"):
+        tool += f'<link name="{link}">{body * (link != "flange")}</link>'
+        tool += f'<joint name="to_{link}" type="fixed"><origin xyz="0 0 0.1"/>'
+        tool += f'<parent link="{parent}"/><child link="{link}"/></joint>'
+        parent = link
+    text = TINY_URDF.replace("</robot>", f"{tool}</robot>")
+    chain = read(text)
+    assert (chain.tip.link, chain.mount.link) == ("finger", "flange")
+    assert chain.tip.translation[2] - chain.mount.translation[2] == pytest.approx(0.2, abs=1e-12)
+    assert read(text, tip="finger").mount.link == "finger"
+
+
 def test_locks_become_part_of_their_parent() -> None:
     """Oracle: the locked quill's mass counts into the arm; --lock twice adds up."""
     chain = read(GANTRY, locks={"plunge": 0.1, "spin": -2.0})

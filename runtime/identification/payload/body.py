@@ -140,8 +140,14 @@ class Mount:
 
 
 def mount_of(lib: Library, link: str | None = None) -> Mount:
-    """Mount on a named link, in the tip's frame where the link carries the tip, else in its own."""
-    tip, facts = lib.manifest.tip, lib.manifest.tip_frame
+    """Mount on a named link, in the frame of the flange where the link carries it, else in its own.
+
+    The flange is the tip, or lies before the tool of the robot's file, whose tip is named then.
+    """
+    known = lib.manifest
+    tip, facts = known.tip, known.tip_frame
+    if known.mount is not None and known.mount_frame is not None and link != tip:
+        tip, facts = known.mount, known.mount_frame
     carrier = facts.link if link in {None, tip} else str(link)
     if carrier not in lib.link_names:
         raise IdentificationError(

@@ -151,6 +151,21 @@ def test_a_mount_moves_bodies_as_pinocchio_does(lib, payload_pi, mount):
     assert mount_of(lib).link == mount_of(lib, "fr3_link8").link == "fr3_link7"
 
 
+def test_a_payload_is_stated_at_the_flange_before_a_gripper(lib, mount, monkeypatch):
+    """Property: the tip of a gripper in the robot's file is no flange, unless it is named."""
+    known = lib.manifest
+    beyond = replace(known.tip_frame, translation=(0.0, 0.0, 0.2))
+    gripper = replace(
+        known, tip="finger", tip_frame=beyond, mount=known.tip, mount_frame=known.tip_frame
+    )
+    monkeypatch.setattr(lib, "manifest", gripper)
+    for link in (None, "fr3_link7", "fr3_link8"):
+        assert mount_of(lib, link).frame == "fr3_link8"
+        np.testing.assert_array_equal(mount_of(lib, link).to_frame, mount.to_frame)
+    assert mount_of(lib, "finger").frame == "finger"
+    np.testing.assert_array_equal(mount_of(lib, "finger").translation, [0.0, 0.0, 0.2])
+
+
 def test_covariance_of_the_body_is_the_delta_method(mount, payload_pi):
     """Derivative: the Taylor remainder of the ten values in π falls as h²."""
     pi = mount.to_frame @ payload_pi

@@ -31,6 +31,7 @@ from scipy.optimize import minimize
 from runtime.errors import IdentificationError
 from runtime.estimators.regression import coloured_noise, model_error
 from runtime.estimators.regression.posterior import APART, posterior_of
+from runtime.estimators.regression.recorded_delay import NEAR_S
 from runtime.estimators.regression.samples import Samples, sums_of_groups
 from runtime.identification.identified import torque_of
 from runtime.library import Array, Library
@@ -193,10 +194,13 @@ def changed_rows(
     count, n = samples.tau.shape
     base, tau = samples.base_rows(lib), torque_of(lib, samples, pi, model.phi)
     named = named_columns(t, tau, [samples.friction(phi) for phi in changing_friction(model)])
+    still = _at_rest(t, np.abs(samples.dq) < rest_speeds(lib))
+    # Dry friction turns round before a joint leaves its rest, which looks like a delay.
+    for j, part in still:
+        named[(t > t[part][0] - NEAR_S) & (t < t[part][-1] + NEAR_S), j, 0] = 0.0
     columns = np.concatenate([named, base], axis=2) * over[:, None]
     known = np.concatenate([base, samples.friction_rows()], axis=2) * over[:, None]
     dry = np.where(model.dry_friction > 0, model.dry_friction, DRY * ranges) * over
-    rests = np.abs(samples.dq) < rest_speeds(lib)
     # Reading noise of q adds up along a path, but hardly in a span.
     span = np.maximum.accumulate(samples.q) - np.minimum.accumulate(samples.q)
     first = model.unknown_state(span) * over
@@ -212,7 +216,7 @@ def changed_rows(
         shapes.reshape(count, n, -1),
         coloured_noise.slow_cosines(samples),
         low_pass_inflation(model.preparation.cutoff_hz, t),
-        tuple((float(dry[j]), j, part) for j, part in _at_rest(t, rests)),
+        tuple((float(dry[j]), j, part) for j, part in still),
         period_of(samples.q),
         first[:, :, None] * np.eye(n),
     )

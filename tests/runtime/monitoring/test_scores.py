@@ -192,6 +192,28 @@ def test_a_rest_adds_the_square_of_its_dry_friction(
     np.testing.assert_allclose(three - one, 8 / 3 * (two - one), atol=1e-9 * np.abs(one).max())
 
 
+def test_a_delay_is_not_read_next_to_a_rest(
+    lib: Library, arm: Path, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray
+) -> None:
+    """Property: dry friction turns round before a joint leaves its rest; no delay explains it."""
+    saved = read_result(arm)
+    log = prepare(later_log(lib, trajectories[1], pi_true, ""), Preparation(), saved.friction)
+    moves = samples_of(log, lib)
+    still = moves.dq.copy()
+    still[100:400, 2] = 0.0
+    rests = dataclasses.replace(moves, dq=still)
+    given = (np.full(lib.n_joints, 20.0), np.ones(lib.n_joints))
+    at_rest, moving = (
+        changed_rows(lib, model_of(saved, lib), saved.pi, log.t, samples, *given).columns[:, 2, 0]
+        for samples in (rests, moves)
+    )
+    near = (log.t > log.t[100] - 0.1) & (log.t < log.t[399] + 0.1)
+    assert not at_rest[near].any()
+    assert np.abs(moving[near]).max() > 1.0
+    far = np.abs(log.t[:, None] - log.t[[100, 399]]).min(axis=1) > 0.2
+    np.testing.assert_array_equal(at_rest[far & ~near], moving[far & ~near])
+
+
 def test_the_first_state_of_friction_with_a_memory_is_unknown(
     lib: Library, arm: Path, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray
 ) -> None:

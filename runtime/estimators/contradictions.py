@@ -69,6 +69,7 @@ EXPLAINS = 0.3  # part of the excess of T that one link must explain for single 
 OTHER = 0.35
 """Share of the torque of links that a prior misses from which on it is of another robot: 0.03 to
 0.13 for the URDFs of real logs, 0.26 for a tool of 1.5 kg that one of them lacks."""
+ALIKE = 0.7  # correlation below which no factor explains a torque by that of a prior
 LEAST_DENSITY = 1e-4
 """Smallest S: data that are exact to rounding are compared as if their noise were one percent of
 the weighted unit, as in the maximum a posteriori."""
@@ -87,6 +88,7 @@ class PriorTest:
     links: tuple[str, ...]
     masses: tuple[tuple[float, float, float], ...]  # of these: prior, released, σ of the latter, kg
     scale: float  # least-squares factor between the measured torque and that of the prior
+    likeness: float  # their correlation: 1 where the factor explains all of the measured torque
     # share of the torque of free bodies that the prior misses, friction being free,
     # (‖r_prior‖² − ‖r_free‖²)^½ / (‖r_0‖² − ‖r_free‖²)^½, r_0 without any body
     mismatch: float
@@ -126,9 +128,10 @@ def prior_test(
     expected = data.factor @ prior.centre
     scale = float(expected @ data.target) / max(float(expected @ expected), 1e-300)
     size = max(float(data.target @ data.target), 1e-300)
+    likeness = abs(scale) * float(np.linalg.norm(expected)) / float(np.sqrt(size))
     missed = float(np.sqrt(_misfit(data, prior.centre) / size))
     if statistic <= min(threshold, single):  # no release can lower T by more
-        return PriorTest(statistic, threshold, 0.0, single, (), (), scale, missed)
+        return PriorTest(statistic, threshold, 0.0, single, (), (), scale, likeness, missed)
     decrease, released, ends = np.zeros(lib.n_links), np.zeros(lib.n_links), []
     for k in range(lib.n_links):
         counted = everyone - np.eye(lib.n_links)[k]
@@ -155,7 +158,7 @@ def prior_test(
     names = tuple(lib.link_names[k] for k in named)
     masses = tuple((float(centres[k]), float(released[k]), sigma(k)) for k in named)
     most = float(decrease.max())
-    return PriorTest(statistic, threshold, most, single, names, masses, scale, missed)
+    return PriorTest(statistic, threshold, most, single, names, masses, scale, likeness, missed)
 
 
 def _misfit(data: Reduced, pi: Array) -> float:
@@ -435,6 +438,12 @@ def _of_limits(lib: Library, causes: Causes) -> tuple[str, ...]:
 
 
 def _of_unit(test: PriorTest, source: str) -> str:
+    if test.likeness < ALIKE:
+        return (
+            f"the measured torque does not follow that of {source} (correlation "
+            f"{test.likeness:.2g}): joints in another order, a torque without the controller's "
+            "gravity compensation, or another robot; check it with: python -m runtime inspect LOG"
+        )
     return (
         f"the measured torque is {test.scale:.3g} times that of {source}: the unit or sign of the "
         f"torque is wrong rather than {source}; state them in a recipe: torque in N·m, or "

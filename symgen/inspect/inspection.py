@@ -150,7 +150,7 @@ def _checked(model: Model, text: str | None, meshes: Meshes, with_base: bool) ->
     if meshes.missing:
         notes.append(
             f"{len(meshes.missing)} mesh file(s) not available or not solid, such as "
-            f"'{meshes.missing[0]}': their densities are unknown (see --package-dir)"
+            f"'{meshes.missing[0]}': their densities are unknown (see the setting package_dir)"
         )
     bodies = model.bodies.items()
     rows = tuple(_figures(name, body, extents[name]) for name, body in bodies if not body.is_empty)

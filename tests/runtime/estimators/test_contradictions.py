@@ -164,6 +164,18 @@ def test_a_wrong_unit_of_torque_is_named(lib, trajectories, monkeypatch, factor,
     assert known != (TRUST in words)
 
 
+def test_a_torque_that_no_factor_explains_has_no_wrong_unit(lib, trajectories):
+    """Property: without the gravity torque, the rest is no multiple of that of the URDF."""
+    log = logged(lib, trajectories[0], 0)
+    still = np.zeros_like(log.q)
+    falls = lib.inverse_dynamics(log.q, still, still, lib.pi0)
+    words = advice(log.replace(tau=log.tau - falls), lib)
+    assert "does not follow that of the URDF" in words
+    assert "gravity compensation" in words
+    assert "unit or sign" not in words
+    assert TRUST not in words
+
+
 def test_a_wrong_torque_gain_is_named(lib, trajectories):
     """Oracle: joint 6 reads 10 % too much; the gain is known to 2 % of 480 filtered samples."""
     log = logged(lib, trajectories[0], 0)

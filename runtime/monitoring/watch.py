@@ -16,6 +16,7 @@ import numpy as np
 
 from runtime.common.threads import one_blas_thread
 from runtime.errors import RecordingError
+from runtime.estimators.choice.regressor_choice import passing
 from runtime.identification.posterior_file import read_posterior
 from runtime.identification.result_file import NewResult, opened, write_result
 from runtime.identification.saved_result import SavedResult
@@ -143,7 +144,7 @@ def _prepared(lib: Library, saved: SavedResult, recording: Recording) -> Recordi
     require_plausible(recording, lib)
     steps = recording.preparation
     if steps == Preparation():
-        steps = saved.preparation.at_rate(recording.rate_hz)
+        steps = passing(recording, lib, saved.preparation.at_rate(recording.rate_hz))
     steps = replace(steps, regressor="acceleration")
     return prepare(recording, steps, saved.friction, lib=lib)
 

@@ -221,6 +221,9 @@ class _Trials:
 NOISY, BENT = 0.01, 0.005
 """Bounds of ν and δ: ν that biases an inertia as much as its uncertainty in a good log, and δ that
 is visible beside the least torque errors of real logs, 1 to 1.5 %."""
+UNBENT = 0.001
+"""δ from which on a low-pass is a change of the robot: where the cut-off is 1 Hz, healthy logs of
+δ = 0.4 % and more are."""
 LONGEST = 30000  # rows that are used: half a minute at 1 kHz
 STILL = 0.02  # RMS speed [rad/s] below which a motion does not determine the inertia of a joint
 _ORDER = 8
@@ -297,6 +300,25 @@ def differentiation_of(
     power, speed = (np.mean(a**2, axis=0) for a in (ddq, dq))
     share = np.where(speed > STILL**2, np.minimum(noise / np.maximum(power, 1e-300), 1.0), 0.0)
     return Differentiation(share, bent, preparation.cutoff_hz or bare.rate_hz / 4, derivatives)
+
+
+def passing(recording: Recording, lib: Library, preparation: Preparation) -> Preparation:
+    """The preparation with the lowest cut-off from its own on that hardly bends the torque.
+
+    A model of slow motions may have a cut-off inside the band of a faster one; its own is kept
+    where no other one that is tried leaves the torque as it is without noise in ddq.
+    """
+    if preparation.filter != "butterworth" or preparation.cutoff_hz is None:
+        return preparation
+    first, limit = preparation.cutoff_hz, BELOW_RATE * recording.rate_hz
+    for cutoff in (first, *(f_c for f_c in CANDIDATES if first < f_c < limit)):
+        tried = replace(preparation, cutoff_hz=cutoff)
+        quality = differentiation_of(recording, lib, tried)
+        if quality is None or (quality.is_noisy and cutoff > first):
+            break
+        if quality.distortion <= UNBENT:
+            return tried
+    return preparation
 
 
 def noisy_accelerations(

@@ -4,12 +4,14 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import runtime
 from runtime import Recording
 from runtime.errors import RuntimeFault
 from runtime.library import Library
+from runtime.recording import Friction, Preparation
 from runtime.recording.free_base import free_base_of
 from tests.free_base_logs import virtual_log
 from tests.robots import DATA
@@ -90,3 +92,26 @@ def test_what_is_no_log_or_no_result_is_refused(
     with pytest.raises(RuntimeFault, match="are in its folder"):
         runtime.write_result(monitored.saved, tmp_path)  # type: ignore[arg-type]
     assert not [*tmp_path.iterdir()]
+
+
+def test_a_fast_motion_is_no_change_of_a_model_of_slow_ones(lib: Library) -> None:
+    """Property: a cut-off of 1 Hz inside the band of the later motion bends its torque by 4 %."""
+    w = 2 * np.pi * np.array([0.1, 0.17, 0.26])[:, None]
+
+    def swing(fast: float, seed: int, off: float = 0.0) -> Recording:
+        rng, t = np.random.default_rng(seed), np.arange(0.0, 20.0, 0.01)
+        size, phase = rng.uniform(0.1, 0.3, (3, 7)), rng.uniform(0.0, 6.0, (3, 7))
+        angle = fast * w * t[:, None, None] + phase
+        q = lib.home + np.sum(size * np.sin(angle), axis=1)
+        dq = np.sum(fast * w * size * np.cos(angle), axis=1)
+        ddq = -np.sum((fast * w) ** 2 * size * np.sin(angle), axis=1)
+        pi = lib.pi0 + np.repeat(np.arange(lib.n_links) == 5, 10) * off * lib.pi0
+        tau = lib.inverse_dynamics(q, dq, ddq, pi) + 2.0 * dq
+        return Recording(t=t, q=q, dq=dq, tau=tau + 0.02 * rng.normal(size=q.shape))
+
+    steps = Preparation(filter="butterworth", cutoff_hz=1.0, trim_s=1.0)
+    friction = Friction(("viscous", "offset"))
+    result = runtime.identify(swing(1.0, 0), lib, preparation=steps, friction=friction)
+    same, heavier = runtime.watch(result, [swing(3.0, 5), swing(3.0, 5, off=0.5)])
+    assert same.p_value == 1.0
+    assert heavier.changed

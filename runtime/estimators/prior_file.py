@@ -94,7 +94,7 @@ class KnownFriction:
             The prior of the columns that both have, and none of the others.
         """
         for name in widths_of(tuple(set(columns) & set(self.columns))) & set(self.widths):
-            known, now = self.widths[name], float(getattr(friction, name))
+            known, now = self.widths[name], float(np.mean(getattr(friction, name)))
             if abs(known - now) > ALIKE * known:
                 way = "use the same width in the recipe"
                 if name == "coulomb_speed":

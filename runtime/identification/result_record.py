@@ -19,7 +19,7 @@ from runtime.estimators.regression.samples import NORMAL_95
 from runtime.identification.metrics import TorqueError
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, centre_of_mass, links, mass
-from runtime.recording.settings import WIDTHS, Friction
+from runtime.recording.settings import WIDTHS, Friction, width_of
 
 FORMAT = 3  # number of the present format; a change that an older reader would misread raises it
 
@@ -229,7 +229,7 @@ class FrictionPart(Part, frozen=True, omit_defaults=True):
     values: Of[Rows, "coefficients φ; a spring has one, in the first row, (n, k) [SI]"]
     coulomb_speed: Of[float, "ε, width of the smooth sign of dq [rad/s]"]
     stribeck_speed: Of[float | None, "v_s, width of the Stribeck peak [rad/s]"] = None
-    dahl_stroke: Of[float | None, "z_c, travel of a reversal [rad]"] = None
+    dahl_stroke: Of[float | Numbers | None, "z_c, travel of a reversal, or per joint [rad]"] = None
     gear: Of[Rows, "gear matrix R of q_motor = R q, (n, n) or empty"] = ()
     sigma: Of[tuple[Gaps, ...] | None, "of φ; null where not determined, (n, k) [SI]"] = None
     interval_95: Of[Ends | None, "ends of the 95 % interval, null likewise, (n, k) of two"] = None
@@ -438,7 +438,7 @@ def friction_part(
         half = NORMAL_95 * sigma
         ends = plain(np.stack([phi - half, phi + half], axis=2))
         interval = tuple(tuple(None if None in pair else pair for pair in row) for row in ends)
-    widths = {key: getattr(terms, key) for key in WIDTHS}
+    widths = {key: width_of(getattr(terms, key)) for key in WIDTHS}
     usual = {"columns": terms.columns, "gear": terms.gear, "values": plain(phi)}
     spread = {"sigma": plain(sigma), "interval_95": interval}
     return FrictionPart(**usual | widths | spread | facts)

@@ -68,7 +68,7 @@ def statistics_of(result: Identification | FreeBaseIdentification, unit: str) ->
         if of_torque and result.weights.shape == (lib.n_joints,):
             noise = 1 / np.sqrt(result.weights)
     known, of_robot = posterior.information, (lib.name, lib.joint_names)
-    slow, peak, stroke = (float(getattr(terms, key)) for key in WIDTHS)
+    slow, peak, stroke = (float(np.mean(getattr(terms, key))) for key in WIDTHS)
     widths = slow, peak, stroke
     return UnitStatistics(known.statistics, known.density, unit, *of_robot, widths, columns, noise)
 

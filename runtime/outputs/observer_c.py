@@ -20,7 +20,7 @@ from runtime.monitoring.observation import (
     slow_speeds,
     unknown_dry_friction,
 )
-from runtime.recording.friction.columns import LOAD, OFFSET, ROTOR, VISCOUS
+from runtime.recording.friction.columns import DAHL_LOAD, LOAD, OFFSET, ROTOR, VISCOUS
 
 FILES = ("observer.h", "observer.c", "example_observer.c")
 FORMS = {  # friction column → C of the speed v, its smooth sign s, a memory's state z, weight w
@@ -31,6 +31,7 @@ FORMS = {  # friction column → C of the speed v, its smooth sign s, a memory's
     "dahl": "z",
     "stribeck": "s * exp(-(v / STRIBECK) * (v / STRIBECK))",
     "load": "w * s",
+    "dahl_load": "w * z",
 }
 
 HEADER = Template("""/* $robot: external joint torque by a momentum observer, written by symgen.
@@ -84,7 +85,6 @@ enum { N = $n, BASE = $base, STEPS = $steps, LAG = $lag, RESTS = $rests, OVER = 
 #define DECAY $decay
 #define COULOMB $coulomb_speed
 #define STRIBECK $stribeck_speed
-#define STROKE $dahl_stroke
 
 static const double beta[BASE] = {$beta};
 static const double urdf[BASE] = {$urdf}; /* of friction that grows with the load */
@@ -99,6 +99,7 @@ static const double still[N] = {$still};
 static const double slow[N] = {$slow}; /* speed below which dry friction may act either way */
 static const double lasting[N] = {$lasting};
 static const double noise[N] = {$noise}; /* variance of r without the model, for the session */
+static const double stroke[N] = {$strokes};
 static const double share[N] = {$share}; /* of dry friction and timing in the thresholds */
 static const int direct[N] = {$direct}; /* whether r is not low-passed, see observer.h */
 
@@ -225,7 +226,7 @@ unsigned ${robot}_observer_update(${robot}_observer *o, const double q[N], const
     for (int j = 0; j < N; ++j) { /* friction with a memory: its state follows the path */
         double step = o->means ? mean[j] - o->place[j] : 0.0;
         double drive = (step > 0) - (step < 0);
-        o->z[j] = drive + (o->z[j] - drive) * exp(-fabs(step) / STROKE);
+        o->z[j] = drive + (o->z[j] - drive) * exp(-fabs(step) / stroke[j]);
         o->travel[j] += fabs(step);
         o->place[j] = mean[j];
     }
@@ -264,7 +265,7 @@ unsigned ${robot}_observer_update(${robot}_observer *o, const double q[N], const
             --o->slow[j];
         }
         if (lasting[j] > 0) { /* the first state is unknown */
-            extra += lasting[j] * exp(-o->travel[j] / STROKE);
+            extra += lasting[j] * exp(-o->travel[j] / stroke[j]);
         }
         if (o->means >= LAG) { /* torque and position lie up to a step apart */
             extra += fabs(mean[2 * N + j] - before[j]) / LAG;
@@ -362,7 +363,7 @@ def observer_c(lib: Library, detector: Detector, band: Array) -> dict[str, str]:
         "stribeck_speed": repr(model.terms.stribeck_speed),
         "beta": _row(model.beta),
         "urdf": _row(lib.base_matrix @ lib.pi0),
-        "loaded": int(LOAD.name in names),
+        "loaded": int(not {LOAD.name, DAHL_LOAD.name}.isdisjoint(names)),
         "columns": max(kept.shape[1], 1),
         "phi": ", ".join(f"{{{_row(each) or '0.0'}}}" for each in kept),
         "rotor": _row(model.phi[:, inertial].sum(axis=1)),
@@ -383,7 +384,7 @@ def observer_c(lib: Library, detector: Detector, band: Array) -> dict[str, str]:
         **_parts("drift", observation.drift_of_block(np.ones(1))),
         "dry": _row(model.dry_friction),
         "lasting": _row(model.lasting_friction),
-        "dahl_stroke": repr(model.terms.dahl_stroke),
+        "strokes": _row(np.broadcast_to(model.terms.dahl_stroke, n)),
         "slow": _row(slow_speeds(lib, model)),
         "from_position": int(s.velocity == "position"),
         "home": _row(lib.home),

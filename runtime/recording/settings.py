@@ -11,6 +11,7 @@ from math import inf, isfinite
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from runtime.errors import RecordingError
 from runtime.library import Array, Library
@@ -79,8 +80,8 @@ _BY_PREFIX = {  # prefix → function of `_ROOM` that makes the record
 
 _ROOM = "runtime.recording.friction.columns"
 _OF_ROOM = (
-    *("viscous", "coulomb", "offset", "asymmetric", "stribeck", "dahl", "load", "position"),
-    *("rotor", "motor_viscous", "motor_coulomb", "motor_rotor"),
+    *("viscous", "coulomb", "offset", "asymmetric", "stribeck", "dahl", "load", "dahl_load"),
+    *("position", "rotor", "motor_viscous", "motor_coulomb", "motor_rotor"),
 )
 
 
@@ -257,24 +258,25 @@ class Friction:
         columns: names, see `runtime.recording.settings.COLUMNS`.
         coulomb_speed: ε, below which the smooth sign of dq gives way [rad/s].
         stribeck_speed: v_s, above which the Stribeck peak is gone [rad/s].
-        dahl_stroke: z_c, travel after a reversal within which friction turns round [rad].
+        dahl_stroke: z_c, travel of a reversal within which friction turns round, or each [rad].
         gear: rows of the gear matrix, for columns of motors; the recipe's [gear] fills it in.
     """
 
     columns: tuple[str, ...] = ("viscous", "coulomb", "offset")
     coulomb_speed: float = COULOMB_SPEED
     stribeck_speed: float = STRIBECK_SPEED
-    dahl_stroke: float = DAHL_STROKE
+    dahl_stroke: float | tuple[float, ...] = DAHL_STROKE
     gear: tuple[tuple[float, ...], ...] = ()
 
     def __post_init__(self) -> None:
         for key in WIDTHS:
-            positive(f"[friction] {key}", getattr(self, key))
+            for each in np.atleast_1d(getattr(self, key)).tolist():
+                positive(f"[friction] {key}", each)
 
     @classmethod
     def from_facts(cls, facts: Mapping[str, Any]) -> "Friction":
         """Terms from the facts in a file; missing widths have their defaults."""
-        widths = {key: float(facts[key]) for key in WIDTHS if key in facts}
+        widths: dict[str, Any] = {key: width_of(facts[key]) for key in WIDTHS if key in facts}
         gear = tuple(tuple(map(float, row)) for row in facts.get("gear", ()))
         return cls(tuple(map(str, facts["columns"])), **widths, gear=gear)
 
@@ -287,12 +289,18 @@ class Friction:
         """Columns and the widths that they depend on."""
         needed = widths_of(self.columns)
         widths = [
-            f"{symbol} = {getattr(self, key):.3g} {unit}"
+            f"{symbol} = {np.mean(getattr(self, key)):.3g} {unit}"
             for key, (symbol, unit) in WIDTHS.items()
             if key in needed
         ]
         listed = ", ".join(self.columns) or "none"
         return f"{listed} ({', '.join(widths)})" if widths else listed
+
+
+def width_of(values: ArrayLike) -> float | tuple[float, ...]:
+    """One width where those of all joints are equal, else one per joint."""
+    each = np.ravel(np.asarray(values, dtype=float)).tolist()
+    return each[0] if len(set(each)) == 1 else tuple(each)
 
 
 def positive(what: str, value: float) -> None:

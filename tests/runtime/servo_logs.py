@@ -112,7 +112,12 @@ def servo_arrays(
 
 
 def dry_servo_log(
-    lib: Library, folder: Path, memory: bool, slope: float
+    lib: Library,
+    folder: Path,
+    memory: bool,
+    slope: float,
+    strokes: float | tuple[float, ...] = STROKE,
+    load: float = 0.0,
 ) -> tuple[Recording, Servo]:
     """Log of drives without delay whose dry friction has a memory, or changes with the position.
 
@@ -121,6 +126,8 @@ def dry_servo_log(
         folder: where log.npz is written.
         memory: whether the friction is that of the column dahl instead of coulomb.
         slope: coefficient of the column position [N·m].
+        strokes: of the memory, of all joints or of each [rad].
+        load: coefficient of the column load, or dahl_load.
 
     Returns:
         The log as read, and its truth.
@@ -130,9 +137,10 @@ def dry_servo_log(
     servo = replace(usual, delay=np.zeros(1), bias=np.zeros(lib.n_joints), pi=lib.pi0)
     arrays = servo_arrays(lib, servo, rng, seconds=12.0, noise=0.02)
     motion = JointMotion(arrays["dq"], arrays["q"], lib=lib)
-    plain = columns(motion, Friction(("coulomb", "position")))
-    kept = columns(motion, Friction(("dahl", "position"), dahl_stroke=STROKE)) if memory else plain
-    change = servo.phi[:, 1] * (kept - plain)[..., 0] + slope * kept[..., 1]
+    plain = columns(motion, Friction(("coulomb", "position", "load")))
+    names = ("dahl", "position", "dahl_load")
+    kept = columns(motion, Friction(names, dahl_stroke=strokes)) if memory else plain
+    change = servo.phi[:, 1] * (kept - plain)[..., 0] + slope * kept[..., 1] + load * kept[..., 2]
     arrays["q_des"] = arrays["q_des"] + change / KP
     logged = {key: values for key, values in arrays.items() if key != "tau_true"}
     np.savez(folder / "log.npz", **logged)  # type: ignore[arg-type]

@@ -128,7 +128,7 @@ QUANTILES = 400  # candidates of a common λ²: the smallest is a thousandth of 
 
 
 def nuisance_columns(
-    lib: Library, pi: Array, samples: Samples, stroke: float = DAHL_STROKE
+    lib: Library, pi: Array, samples: Samples, stroke: Array | float = DAHL_STROKE
 ) -> Array:
     """Shapes N of the joints, of size 1, (N, n, shapes): each has rows of its joint alone.
 
@@ -184,7 +184,7 @@ def nuisance_of(
     pi: Array,
     density: float,
     with_position: bool = True,
-    stroke: float = DAHL_STROKE,
+    stroke: Array | float = DAHL_STROKE,
 ) -> NuisanceTorque:
     """Nuisance torque that the residual of a fit makes likely.
 

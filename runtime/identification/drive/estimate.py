@@ -36,7 +36,7 @@ from runtime.estimators.regression.recorded_delay import (
 from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.robust import explicit
 from runtime.identification.drive import feedback
-from runtime.identification.drive.result import DriveFit, DriveRequest
+from runtime.identification.drive.result import BIAS_PRIOR, STROKE_PRIOR, DriveFit, DriveRequest
 from runtime.identification.identified import Identification
 from runtime.identification.prepared_log import PreparedLog
 from runtime.identification.problem_setup import assemble, known_friction
@@ -45,23 +45,26 @@ from runtime.identification.single_log import identify_assembled, identify_recor
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.coupled_joints import independent_joints
+from runtime.recording.friction.columns import DAHL_LOAD
 from runtime.recording.friction.coupled_motors import geared
 from runtime.recording.preprocessing.parts import before_test, without_ends
 from runtime.recording.recipes.recipe import COMMANDED
-from runtime.recording.settings import COLUMNS
+from runtime.recording.settings import COLUMNS, has_memory, width_of
 
 PASSES = 6  # largest number of Gauss–Newton passes
 DONE = 0.1  # step over standard deviation below which the passes end
-MOST_STEP = (0.02, 0.05)  # largest step of one pass: of a delay [s], of a bias [rad, m]
+MOST_STEP = (0.02, 0.05, 0.5)  # largest step of one pass: of d [s], of b [rad, m], of ln z
 THINNED = 10.0  # rate of the rows over the cut-off at which the first passes are made
 SLIDES = (
     "the delay is that of the rows in which the joints slide: near their reversals friction turns "
     "round in another way than its columns, which looks like a delay"
 )
+OF_LOAD = "dry friction grows with the load of the joints, as the residual shows (column dahl_load)"
 NO_BIAS = (
     "encoder biases were not estimated, which need accelerations; use --settings "
     "regressor=acceleration"
 )
+LEAST_OF_LOAD = 0.02  # share of the variance of noise that friction of the load has to lower
 MOST_SIGMA = 0.02  # standard deviation of a delay above which it is not determined [s]
 
 
@@ -86,11 +89,11 @@ class DriveProblem:
         usual = preparation or self.preparation
         return replace(self, settings=settings, preparation=usual, progress=SILENT)
 
-    def split(self, x: Array) -> tuple[Array, Array]:
-        """Delay (1,) or (n,) [s] and biases (n,) [rad, m] at x = (d, b); what is known is given."""
-        n = self.lib.n_joints
-        delay, bias = np.split(x, [len(x) - n]) if self.request.bias else (x, np.zeros(n))
-        return delay if self.request.delay else self.given, bias
+    def split(self, x: Array) -> tuple[Array, Array, Array]:
+        """Delay (1,) or (n,) [s], biases [rad, m] and ln z/z₀, (n,) where it is unknown."""
+        none = np.zeros(self.lib.n_joints)
+        delay, bias, strokes = np.split(x, np.cumsum(self.counts[:2]))
+        return delay if delay.size else self.given, bias if bias.size else none, strokes
 
     def used(self, train: Recording) -> Array:
         """1 in rows of the training part that are used, (N, n)."""
@@ -98,15 +101,15 @@ class DriveProblem:
         return sliding(dq, train.rate_hz, CLOSE_S) if self.slides else np.ones_like(dq)
 
     @property
-    def most_step(self) -> Array:
-        """Largest step of x."""
+    def counts(self) -> list[int]:
+        """Numbers of delays, biases and strokes of x."""
         n, request = self.lib.n_joints, self.request
-        delays = (n if request.per_joint else 1) if request.delay else 0
-        return np.repeat(MOST_STEP, [delays, n if request.bias else 0])
+        delays = n if request.per_joint else 1
+        return [delays * request.delay, n * request.bias, n * request.strokes]
 
 
 def newton_passes(problem: DriveProblem, x: Array) -> tuple[Array, Array]:
-    """Most probable x = (d, b), and its standard deviations at the last pass.
+    """Most probable x, and its standard deviations at the last pass.
 
     The passes take fewer rows of the low-passed signals until they end, then all rows.
     """
@@ -125,7 +128,7 @@ def newton_passes(problem: DriveProblem, x: Array) -> tuple[Array, Array]:
             x,
             passes=left,
             done=done,
-            most_step=problem.most_step,
+            most_step=np.repeat(MOST_STEP, problem.counts),
             takes_last=present.preparation is not problem.preparation,
         )
         x, sigma, left = solution.x, solution.last.sigma, left - solution.passes
@@ -144,10 +147,15 @@ def identification_at(
     problem: DriveProblem, x: Array, removed: tuple[Array, Array] | None = None
 ) -> Identification:
     """Identification with known delay and biases: removed (M,) [s]."""
-    recording, progress, (delay, bias) = problem.recording, problem.progress, problem.split(x)
+    recording, progress = problem.recording, problem.progress
+    delay, bias, strokes = problem.split(x)
     moved = recording.replace(q=recording.q + bias) if bias.any() else recording
     preparation = with_delay(recording, problem.preparation, delay)
     usual = replace(problem.settings, preparation=preparation)
+    if strokes.size:
+        terms = terms_of(recording, usual)
+        stroke = width_of(np.exp(strokes) * terms.dahl_stroke)
+        usual = replace(usual, friction=replace(terms, dahl_stroke=stroke))
     if removed is None and not problem.slides:
         return identify_recording(moved, problem.lib, usual, progress=progress)
     assembly = assemble(moved, problem.lib, usual, progress=progress, is_joined=True)
@@ -174,7 +182,8 @@ def linearised_at(
     return feedback.linearised(
         result,
         problem.request,
-        bias=problem.split(x)[1],
+        x=x,
+        spread=np.repeat((np.inf, BIAS_PRIOR, STROKE_PRIOR), problem.counts),
         kappa=settings.kappa,
         phi_prior=None if known is None else known.sigma,
         rough=rough,
@@ -223,11 +232,10 @@ def identify_drive(
             f"the log does not determine a delay: {unknown}; record a faster motion, or give "
             "torque_delay_s under [preparation]",
         )
-    if problem.slides:
-        notes += (SLIDES,)
+    notes += (OF_LOAD,) * (problem.settings is not settings) + (SLIDES,) * problem.slides
     if unknown or not request.delay:
         problem = replace(problem, request=replace(request, delay=False))
-        x, _ = newton_passes(problem, np.zeros(len(problem.most_step)))
+        x, _ = newton_passes(problem, np.zeros(sum(problem.counts)))
     result = _certified(problem, x)
     return replace(result, notes=(*notes, *result.notes))
 
@@ -240,7 +248,7 @@ def _with_delay(problem: DriveProblem, terms: Friction) -> tuple[DriveProblem, A
         *(problem.recording, problem.lib, problem.preparation, terms, problem.settings.split),
         has_rotors=by_profile,
     )
-    x = np.zeros(len(problem.most_step))
+    x = np.zeros(sum(problem.counts))
     if first.is_flat:
         low, high = (1e3 * end for end in first.interval_s)
         return problem, x, f"the loss is flat from {low:.0f} to {high:.0f} ms, or least at an end"
@@ -250,6 +258,10 @@ def _with_delay(problem: DriveProblem, terms: Friction) -> tuple[DriveProblem, A
         biased = replace(problem, request=replace(request, delay=False), given=x[:count])
         x[count:], _ = newton_passes(biased, x[count:])
         return replace(problem, sigma=np.array([first.sigma])), x, ""
+    if isinstance(terms.dahl_stroke, tuple) and problem.preparation.regressor == "acceleration":
+        problem = replace(problem, request=replace(request, strokes=True))
+        x = np.append(x, np.zeros(problem.lib.n_joints))
+        problem = _with_load(problem, x)
     x, sigma = newton_passes(problem, x)
     if not terms.gear and _turns_otherwise(identification_at(problem.rough(), x)):
         problem = replace(problem, slides=True)
@@ -257,6 +269,17 @@ def _with_delay(problem: DriveProblem, terms: Friction) -> tuple[DriveProblem, A
     if np.all(sigma[:count] < MOST_SIGMA) and np.all(np.abs(x[:count]) < LATEST_S):
         return problem, x, ""
     return problem, x, f"its standard deviation is {1e3 * np.max(sigma[:count]):.0f} ms"
+
+
+def _with_load(problem: DriveProblem, x: Array) -> DriveProblem:
+    """The problem with dry friction that grows with the load, where the residual shows it."""
+    terms = terms_of(problem.recording, problem.settings)
+    terms = replace(terms, columns=(*terms.columns, DAHL_LOAD.name))
+    loaded = replace(problem, settings=replace(problem.settings, friction=terms))
+    rows = _thinned(problem.recording, problem.preparation)
+    fits = (identification_at(each.rough(rows), x) for each in (problem, loaded))
+    plain, less = (np.log(each.weights).mean() for each in fits)
+    return loaded if plain - less < np.log(1 - LEAST_OF_LOAD) else problem
 
 
 def _turns_otherwise(result: Identification) -> bool:
@@ -282,7 +305,7 @@ def _certified(problem: DriveProblem, x: Array) -> Identification:
         c, of_links = correction
         removed = (result.train.t, c)
         rough = identification_at(problem.rough(), x, removed)
-        most = problem.most_step
+        most = np.repeat(MOST_STEP, problem.counts)
         step = np.clip(linearised_at(problem, rough, x).step, -most, most)
         x = x + step
         if problem.slides or not of_links:
@@ -294,14 +317,14 @@ def _certified(problem: DriveProblem, x: Array) -> Identification:
         sigma = linearised_at(problem, rough, x).sigma
         whole = replace(whole, sigma=np.hypot(sigma, error))
     end = linearised_at(whole, result, x)
-    delay, bias = problem.split(x)
-    delays = len(delay) if request.delay else 0
+    (_, bias, _), (_, bias_sigma, _) = problem.split(x), problem.split(end.sigma)
+    delays = problem.counts[0]
     empty = np.full(problem.lib.n_joints, np.nan)
     drive = DriveFit(
         delay=x[:delays],
         delay_sigma=end.sigma[:delays],
         bias=bias if request.bias else empty,
-        bias_sigma=end.sigma[delays:] if request.bias else empty,
+        bias_sigma=bias_sigma if request.bias else empty,
     )
     uncertainty = result.uncertainty
     if uncertainty is not None and uncertainty.information is not None and end.pi_moved.size:
@@ -357,7 +380,10 @@ def with_drives(data: Sequence[PreparedLog], lib: Library, settings: Settings) -
     if is_named or terms is None or first.preparation is None or not first.is_commanded:
         return ready
     seen = [(before_test(log.recording, log.split), log.steps) for log in ready if log.is_commanded]
-    terms, sentence = with_dry_friction(seen, lib, terms, settings.delay in {AUTO, PER_JOINT})
+    is_late = settings.delay in {AUTO, PER_JOINT}
+    terms, sentence = with_dry_friction(seen, lib, terms, is_late)
+    if is_late and has_memory(terms.columns):  # every joint has a stroke of its own
+        terms = replace(terms, dahl_stroke=tuple(np.full(lib.n_joints, terms.dahl_stroke).tolist()))
     notes = (*first.notes, sentence) if sentence else first.notes
     return [replace(first, friction=terms, notes=notes), *ready[1:]]
 
@@ -380,14 +406,15 @@ def without_drives(
     request = DriveRequest(delay in {AUTO, PER_JOINT}, delay == PER_JOINT, has_bias)
     if is_together or not (request.delay or request.bias):
         return data, [], []
-    estimated, notes = list[DriveFit](), list[str]()
+    estimated, frictions, notes = list[DriveFit](), list[Friction](), list[str]()
     where = "" if len(data) > 1 else f", from the first {len(data[0].recording)} rows"
     for name, each in zip(names, data, strict=True):
         bare = each.settings(settings, each.preparation)
         alone = replace(bare, friction=data[0].friction, refit=False, certify=False)
         progress.step(f"estimating the delay of {name}")
-        drive = identify_drive(each.recording, lib, alone, request).drive
-        estimated.append(drive or DriveFit.unknown(lib.n_joints))
+        result = identify_drive(each.recording, lib, alone, request)
+        estimated.append(result.drive or DriveFit.unknown(lib.n_joints))
+        frictions.append(result.friction)
         if request.delay:
             notes.append(f"{name}: {estimated[-1].sentence}{where}")
     if request.bias and not np.isfinite([each.bias for each in estimated]).all():
@@ -403,5 +430,7 @@ def without_drives(
             log = replace(log, streamed=replace(each.streamed, bias=bias))
         elif has_bias:
             log = replace(log, recording=recording.replace(q=recording.q + bias))
+        if log.friction is not None and isinstance(log.friction.dahl_stroke, tuple):
+            log = replace(log, friction=frictions[0])
         corrected.append(log)
     return corrected, estimated, notes

@@ -15,12 +15,12 @@ Source: instrumental variables for systems in closed loop, Gilson & Van den Hof 
 The linearised model of links, friction, delay and encoder bias around an identified model is
 
     e = τ(t + δ) − Y(q + b, dq, ddq) π − F φ
-    ∂e/∂d = s τ̇,   ∂e/∂b_j = −∂(Y π)/∂q_j,   δ = s d
+    ∂e/∂d = s τ̇,   ∂e/∂b_j = −∂(Y π)/∂q_j,   ∂e/∂ln z_j = −∂(F φ)/∂ln z_j,   δ = s d
 
-The Newton step in (d, b) at the most probable (π, φ) and the covariance of all unknowns come from
-the same information matrix,
+The Newton step in (d, b, ln z), where they are unknown, at the most probable (π, φ), and the
+covariance of all unknowns come from the same information matrix,
 
-    H = XᵀW X / S + κ ∇²D(π) + 1/σ_b²,
+    H = XᵀW X / S + κ ∇²D(π) + 1/σ_b² + 1/σ_z²,
 
 with X of all unknowns, S the density of the residual noise and D the entropic prior (Laplace's
 approximation, MacKay 2003, Ch. 27). Columns of π are in units of its prior.
@@ -41,14 +41,14 @@ from runtime.estimators.regression.posterior import (
 )
 from runtime.estimators.regression.recorded_delay import sign_of_delay
 from runtime.estimators.regression.samples import Samples, samples_of
-from runtime.identification.drive.result import BIAS_PRIOR, DriveRequest
+from runtime.identification.drive.result import DriveRequest
 from runtime.identification.identified import Identification
 from runtime.library import Array, Integers, Library
 from runtime.recording import Friction
 from runtime.recording.friction.model import columns
 from runtime.recording.preprocessing.segments import rate_of, segments
 from runtime.recording.recipes.recipe import ControlLaw
-from runtime.recording.settings import COLUMNS, JointMotion, has_memory, signals_for
+from runtime.recording.settings import COLUMNS, JointMotion, has_memory, signals_for, width_of
 
 ROUGH_ROWS = 600  # rows of passes before the last: those of a low-passed log are nearly redundant
 MOST_ROWS, STRETCHES = 6000, 8  # rows above which only as many, in contiguous stretches, are used
@@ -58,6 +58,7 @@ FEEDBACK = "Removed what the control law makes of the torque noise from τ (driv
 MOST_RESPONSE, LESS = 0.03, (1.0, 0.75, 0.5, 0.25)
 """Response over the motion, both RMS, above which the loop is not that of the robot: it is
 unstable in the model, while the robot moved, and less of the delay is tried."""
+_LOG = 0.1  # step of a central difference in ln z: its error is 2e-3 relative
 _STEP = 1e-4  # step of the slope of friction [rad/s, m/s]: far below every width of a Coulomb sign
 _PRESENT = 1e-2
 """Singular value of unit columns, over the largest, below which a direction is left alone: the
@@ -66,9 +67,9 @@ prior decides there, and c would be large and depend on the weights of the joint
 
 @dataclass(frozen=True, slots=True)
 class LinearisedDrive:
-    """Newton step and standard deviations; of x = (d, b), those of both that are unknown."""
+    """Newton step and standard deviations; of x = (d, b, ln z), those that are unknown."""
 
-    step: Array  # of x, (m,) [s, then rad, m]
+    step: Array  # of x, (m,) [s, then rad, m, then 1]
     sigma: Array  # of x, (m,)
     phi_sigma: Array  # of φ by noise alone, (n, k); NaN where a coefficient is not determined
     pi_moved: Array  # what a root of the covariance of x moves π, (10 n, m)
@@ -86,6 +87,15 @@ def bias_columns(lib: Library, samples: Samples, pi: Array) -> Array:
         behind = lib.inverse_dynamics(samples.q - step, samples.dq, samples.ddq, pi)
         columns[:, :, j] = (ahead - behind) / (2 * _H)
     return columns
+
+
+def stroke_columns(result: Identification, samples: Samples) -> Array:
+    """Columns ∂(F φ)/∂ln z of the strokes of the joints, (N, n, n), by the path of the rows."""
+    motion, terms = JointMotion(samples.dq, samples.q, samples.ddq, result.lib), result.friction
+    strokes = (np.multiply(terms.dahl_stroke, np.exp(h)) for h in (_LOG, -_LOG))
+    ahead, behind = (columns(motion, replace(terms, dahl_stroke=width_of(z))) for z in strokes)
+    change = np.einsum("ijk,jk->ij", ahead - behind, result.phi) / (2 * _LOG)
+    return change[:, :, None] * np.eye(result.lib.n_joints)
 
 
 def torque_rate(result: Identification, samples: Samples, per_joint: bool) -> Array:
@@ -106,17 +116,18 @@ def linearised(
     result: Identification,
     request: DriveRequest,
     *,
-    bias: Array,
+    x: Array,
+    spread: Array,
     kappa: float,
     phi_prior: Array | None = None,
     rough: bool = False,
     known_sigma: Array | None = None,
     used: Array | float = 1.0,
 ) -> LinearisedDrive:
-    """Newton step of delay and biases, and the standard deviations of all unknowns.
+    """Newton step of delay, biases and strokes, and the standard deviations of all unknowns.
 
-    bias (n,) [rad, m], phi_prior (n, k); known_sigma of the first of x by other rows than these;
-    used (N, n) is 0 in rows that the result leaves out.
+    x (m,) and the standard deviations of its prior about 0, phi_prior (n, k); known_sigma of the
+    first of x by other rows than these; used (N, n) is 0 in rows that the result leaves out.
     """
     samples = samples_of(result.train, result.lib)
     lib, pi, phi = result.lib, result.pi, result.phi
@@ -128,8 +139,10 @@ def linearised(
         further = -torque_rate(result, samples, request.per_joint)
     if request.bias:
         further = np.concatenate([further, bias_columns(lib, samples, pi)], axis=2)
+    if request.strokes:
+        further = np.concatenate([further, stroke_columns(result, samples)], axis=2)
     further = further * scale[:, :, None]
-    # The gradient in π and φ vanishes at the most probable model: d and b alone drive the step.
+    # The gradient in π and φ vanishes at the most probable model: x alone drives the step.
     pull = np.einsum("ijk,ij->k", further, rest)
     taken = _taken(len(samples), rough)
     part = samples.rows(taken)
@@ -151,14 +164,12 @@ def linearised(
     shrink = block_diag(*bodies_of(lib).spread(pi)) / np.sqrt(kappa)
     data = np.hstack([triangle[:, :n_base] @ (lib.base_matrix @ shrink), triangle[:, n_base:]])
     first = len(pi) + n * k
-    slope = np.concatenate([np.zeros(first), pull / (coarse * noise**2)])
+    slope = np.concatenate([np.zeros(first), pull / (coarse * noise**2) - x / spread**2])
     prior = np.zeros(data.shape[1])
     prior[: len(pi)] = 1.0
     if phi_prior is not None:
         prior[len(pi) : first] = 1.0 / phi_prior.ravel()
-    if request.bias:
-        prior[-n:] = 1.0 / BIAS_PRIOR
-        slope[-n:] -= bias / BIAS_PRIOR**2
+    prior[first:] = 1.0 / spread
     posterior = posterior_of(np.vstack([data * (more / noise), np.diag(prior)]))
     sigma = posterior.sigma
     # Of all unknowns, E[y | x] moves with a root L_x of the covariance of x by cov(y, x) L_x⁻ᵀ.
@@ -186,7 +197,7 @@ def _widening(result: Identification, fit: FreeFit, of_x: Array, density: float)
 
     of_x X (m, p), of noise of the density S.
     """
-    stroke = result.friction.dahl_stroke
+    stroke = np.asarray(result.friction.dahl_stroke)
     nuisance = nuisance_of(result.lib, fit, result.pi, density, stroke=stroke)
     lengths = np.linalg.norm(of_x, axis=1)
     along = of_x / np.maximum(lengths, 1e-300)[:, None]

@@ -19,6 +19,7 @@ friction are ±1 in steady motion."""
 BIAS_PRIOR = 0.02
 """Standard deviation of the prior of an encoder bias [rad, m]: the residual of a calibration by
 hand, a degree."""
+STROKE_PRIOR = 0.5  # of the prior of ln z_c of a joint about that of all joints
 DETERMINED = 0.5  # σ of an encoder bias over that of its prior below which a motion is informative
 
 
@@ -39,6 +40,7 @@ class DriveRequest:
     delay: bool = False  # whether a delay is estimated
     per_joint: bool = False  # one delay per joint instead of one for the log
     bias: bool = False  # whether the encoder biases are estimated
+    strokes: bool = False  # whether the strokes of friction with a memory are estimated
 
 
 @dataclass(frozen=True, slots=True, eq=False)

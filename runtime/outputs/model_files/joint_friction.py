@@ -127,6 +127,6 @@ def joint_friction(lib: Library, terms: Friction | None, phi: Array | None) -> J
     if values["friction"] != unknown:
         kind = f"as a smooth function of the velocity (tanh(dq / {terms.coulomb_speed:.3g}))"
         if DAHL.name in terms.columns:
-            kind = f"with a memory of {terms.dahl_stroke:.3g} rad or m of travel"
+            kind = f"with a memory of {np.mean(terms.dahl_stroke):.3g} rad or m of travel"
         notes.append(f"dry friction was identified {kind}; simulators use it for stiction as well")
     return JointFriction(**values, notes=tuple(notes), terms=terms, values=phi)

@@ -4,7 +4,7 @@
 
     offset 1 · viscous dq · coulomb s · asymmetric dq s · stribeck s exp(−(dq / v_s)²)
     load |τ_g| s · position x s, x ∈ [−1, 1] between the limits, x ζ beside dahl · rotor ddq
-    dahl ζ, the Dahl state of the path: dζ = (dq − |dq| ζ) dt / z_c
+    dahl ζ, the Dahl state of the path: dζ = (dq − |dq| ζ) dt / z_c · dahl_load |τ_g| ζ
     motor_viscous · motor_coulomb · motor_rotor: of motors that drive several joints
 
 Offset and coulomb together already differ between the directions; with asymmetric, the viscous part
@@ -17,6 +17,7 @@ row of the joint in ∂q_all/∂q, which depends on the posture where a loop is 
 it is constant, and the columns motor_… have the rows of several masters as well.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -63,10 +64,12 @@ def _sign(motion: JointMotion, terms: Friction) -> Array:
     return np.tanh(speed, out=speed)
 
 
-def _load(motion: JointMotion, terms: Friction) -> Array:
+def _load(
+    motion: JointMotion, terms: Friction, dry: Callable[[JointMotion, Friction], Array] = _sign
+) -> Array:
     if motion.q is None or motion.lib is None:
-        raise RecordingError("the friction column 'load' needs q and the library of the robot")
-    return gravity_load(motion.lib, motion.q) * _sign(motion, terms)
+        raise RecordingError("friction of the load needs q and the library of the robot; give both")
+    return gravity_load(motion.lib, motion.q) * dry(motion, terms)
 
 
 def gravity_load(lib: Library, q: Array) -> Array:
@@ -165,6 +168,9 @@ DAHL = FrictionColumn(
 )
 LOAD = FrictionColumn(
     "load", "|τ_g(q)| tanh(dq / ε)", _load, widths=("coulomb_speed",), is_nonnegative=True
+)
+DAHL_LOAD = replace(
+    DAHL, name="dahl_load", sentence="|τ_g(q)| ζ", function=partial(_load, dry=_dahl), model_term=""
 )
 POSITION = FrictionColumn(
     "position",

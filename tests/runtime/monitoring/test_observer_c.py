@@ -149,14 +149,15 @@ def test_no_uninitialised_byte_decides(
 
 @pytest.mark.parametrize(
     "columns",
-    [("viscous", "rotor", "stribeck"), ("dahl", "offset"), ("load", "viscous", "coulomb"), ()],
+    [("viscous", "rotor", "stribeck"), ("dahl", "dahl_load"), ("load", "viscous", "coulomb"), ()],
 )
 def test_without_window_and_with_other_friction(
     columns: tuple[str, ...], lib: Library, detector: Detector, tmp_path: Path
 ) -> None:
     """Oracle: the same without a window, with rotors, with a memory and without any friction."""
     phi = np.linspace(0.1, 0.9, 7 * len(columns)).reshape(7, -1)
-    model = dataclasses.replace(detector.model, terms=Friction(columns), phi=phi)
+    terms = Friction(columns, dahl_stroke=tuple(np.linspace(1e-3, 4e-3, 7).tolist()))
+    model = dataclasses.replace(detector.model, terms=terms, phi=phi)
     settings = ObserverSettings(1000.0, 50.0)
     changed = dataclasses.replace(detector, model=model, settings=settings)
     rng = np.random.default_rng(0)

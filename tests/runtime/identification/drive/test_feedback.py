@@ -20,6 +20,7 @@ from runtime.recording.settings import JointMotion
 STEP, LOGGED, SECONDS = 1e-3, 5, 20.0
 KP, KD, EPSILON = 20.0, 1.0, 0.02
 DELAY, PHI = 0.020, np.array([1.5, 0.6, 0.0, 0.1])
+FREE = np.full(1, np.inf)  # prior of a delay
 
 
 def test_response_is_that_of_the_transfer_function() -> None:
@@ -169,7 +170,7 @@ def test_stretches_of_a_long_log_hold_its_information(
     sigmas = []
     for most in (feedback.MOST_ROWS, len(result.train) // 4):
         monkeypatch.setattr(feedback, "MOST_ROWS", most)
-        step = linearised(result, request, bias=np.zeros(1), kappa=CAD)
+        step = linearised(result, request, x=np.zeros(1), spread=FREE, kappa=CAD)
         sigmas.append(np.append(step.sigma, step.phi_sigma))
     ratio = np.exp(np.mean(np.log(sigmas[1] / sigmas[0])))
     assert ratio == pytest.approx(1.0, rel=0.3)
@@ -179,13 +180,14 @@ def test_stretches_of_a_long_log_hold_its_information(
     # scatter of blocks widens the delay alone and is left out.
     monkeypatch.setattr(feedback, "_widening", lambda *given: np.ones(len(given[2])))
     step, alone = (
-        linearised(result, each, bias=np.zeros(1), kappa=CAD) for each in (request, DriveRequest())
+        linearised(result, each, x=np.zeros_like(free), spread=free, kappa=CAD)
+        for each, free in ((request, FREE), (DriveRequest(), FREE[:0]))
     )
     moved = np.sum(step.phi_moved**2, axis=1).reshape(step.phi_sigma.shape)
     assert step.phi_sigma**2 == pytest.approx(alone.phi_sigma**2 + moved, rel=0.05)
     assert (moved / alone.phi_sigma**2).max() > 0.5
     monkeypatch.undo()
-    step = linearised(result, request, bias=np.zeros(1), kappa=CAD)
+    step = linearised(result, request, x=np.zeros(1), spread=FREE, kappa=CAD)
     assert result.uncertainty is not None
     columns = result.uncertainty.root.T.tolist()
     assert any(each == pytest.approx(step.pi_moved[:, 0], rel=1e-9) for each in columns)

@@ -190,6 +190,8 @@ class Verdict:
         if best.size is not None and best.interval is not None:
             low, high = best.interval
             size = f" by {best.size:+.3g} {best.unit} (95 %: {low:+.3g} to {high:+.3g})"
+            if best.freedom > 1 and low < 0 < high:
+                size = f" in its centre of mass or inertia, its mass{size}"
         return f"{self.log}: {best.group}{place} changed{size} (p = {self.p_value:.2g})"
 
 

@@ -115,6 +115,17 @@ def test_one_link_of_many_is_not_named_alone(lead: float, named: str) -> None:
     assert _ranked([gain, whole, tool], 72.0)[0].group == "payload"
 
 
+def test_a_link_of_the_same_mass_is_said_to_be_one() -> None:
+    """Property: a mass that may be unchanged is no size of the change."""
+    heavier = Change("links", "fr3_link3", 90.0, 10, 0.0, 50.0, 0.3, (0.2, 0.4), "kg")
+    same = dataclasses.replace(heavier, size=-0.003, interval=(-0.41, 0.4))
+    first, second = (
+        Verdict("log", True, best, 1e-7, 100.0, 2.0, (best,)).sentence() for best in (heavier, same)
+    )
+    assert "fr3_link3 changed by +0.3 kg (95 %: +0.2 to +0.4)" in first
+    assert "changed in its centre of mass or inertia, its mass by -0.003 kg (95 %: -0.41" in second
+
+
 def test_nothing_is_named_where_nothing_changed(
     command: Command,
     arm: Path,

@@ -21,6 +21,7 @@ from runtime.common.threads import one_blas_thread
 from runtime.errors import IdentificationError
 from runtime.estimators.choice.dry_friction import with_dry_friction
 from runtime.estimators.gauss_newton import Linearised, gauss_newton
+from runtime.estimators.problem import FrictionPrior
 from runtime.estimators.regression.factor import reduce
 from runtime.estimators.regression.recorded_delay import (
     CLOSE_S,
@@ -274,6 +275,11 @@ def _with_delay(problem: DriveProblem, terms: Friction) -> tuple[DriveProblem, A
 def _with_load(problem: DriveProblem, x: Array) -> DriveProblem:
     """The problem with dry friction that grows with the load, where the residual shows it."""
     terms = terms_of(problem.recording, problem.settings)
+    # A prior of coefficients, as of drives that are tied, belongs to the columns that are there.
+    if DAHL_LOAD.name in terms.columns or isinstance(
+        problem.settings.friction_prior, FrictionPrior
+    ):
+        return problem
     terms = replace(terms, columns=(*terms.columns, DAHL_LOAD.name))
     loaded = replace(problem, settings=replace(problem.settings, friction=terms))
     rows = _thinned(problem.recording, problem.preparation)

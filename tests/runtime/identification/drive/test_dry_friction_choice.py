@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from runtime.estimators.choice.dry_friction import _trial
+from runtime.estimators.problem import FrictionPrior
 from runtime.identification.identified import Identification
 from runtime.identification.identify import identify
 from runtime.identification.result_record import friction_part
@@ -25,11 +26,14 @@ PREPARATION = Preparation(filter="butterworth", cutoff_hz=10.0, trim_s=0.2)
 
 
 def identified(
-    log: Recording | StreamedRecording, lib: Library, terms: Friction | None = None
+    log: Recording | StreamedRecording,
+    lib: Library,
+    terms: Friction | None = None,
+    known: FrictionPrior | None = None,
 ) -> Identification:
     """The result with the delay as an unknown."""
     settings = Settings(preparation=PREPARATION, friction=terms, gain_sigma=0, delay="auto")
-    return identify(log, lib, settings, encoder_bias=False)
+    return identify(log, lib, replace(settings, friction_prior=known), encoder_bias=False)
 
 
 def is_within(result: Identification, column: str, truth: Array | float) -> bool:
@@ -102,6 +106,12 @@ def test_every_joint_has_its_stroke_and_friction_of_the_load(lib: Library, tmp_p
         k = result.friction.columns.index("dahl_load")
         error, sigma = result.phi[1:, k] - load, result.friction_sigma[1:, k]
         assert (abs(error) < 4 * sigma).all()
+    # Its columns again, and those before the load with a prior of their coefficients.
+    again = identified(log, lib, result.friction)
+    assert again.friction.columns == result.friction.columns
+    plain = replace(result.friction, columns=(*DRIVE[:1], "dahl", *DRIVE[2:]))
+    known = FrictionPrior(np.zeros((7, 4)), np.full((7, 4), np.inf))
+    assert identified(log, lib, plain, known).friction.columns == plain.columns
 
 
 def test_position_runs_from_one_limit_to_the_other(tiny_built: Path):
